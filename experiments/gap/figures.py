@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullLocator
 
 from calibration.gap.findings import PlateMap, Profile, ProofRow, RankedEffect, Step
-from calibration.gap.report.units import shown_unit, sig
+from calibration.gap.report.units import effect_words, shown_unit, sig
 from experiments.gap.words import channel_words, percent
 from experiments.picture_files import write_figure
 from experiments.reports.figures import CENTRE, WITH, WITHOUT, plt
@@ -27,7 +27,7 @@ STYLES: dict[str, str] = dict(zip(CHANNELS, ("-", "--", "-", "--"), strict=True)
 LOG_BEYOND = 8.0  # gaps that differ by more are drawn on a logarithmic axis
 SHOWN_NAMES = 10
 # Chosen: with more bars than that their values stand upright; letters in a line of a label.
-MOST_LEVEL, LABEL_LETTERS = 16, 36
+MOST_LEVEL, LABEL_LETTERS, NARROW_LETTERS = 16, 36, 10
 WIDE, SMALL = 8.6, 9  # inches, points: letters are read where a figure is as wide as a page
 
 
@@ -180,7 +180,7 @@ def ranking(candidates: Sequence[RankedEffect], accepted: Sequence[str]) -> Figu
         text = f"{how}   (score {sig(c.score)})"
         axis.text(100 * c.probability + 1.2, row, text, va="center", fontsize=SMALL)
     labels = [c.name + (f" = {' = '.join(c.twins)}" if c.twins else "") for c in shown]
-    axis.set_yticks(range(len(shown)), [_wrapped(label) for label in labels])
+    axis.set_yticks(range(len(shown)), [_wrapped(effect_words(label)) for label in labels])
     axis.set(xlabel="probability [%]", xlim=(0, 130), xticks=range(0, 101, 20))
     axis.invert_yaxis()
     axis.grid(axis="y", visible=False)
@@ -241,9 +241,9 @@ def _step_label(added: str, steps: int) -> str:
     """What a step added, in narrow lines where there are many steps."""
     if not added:
         return "model\nas it came"
-    label = "+ " + added.replace(" + ", "\n+ ")
+    label = "+ " + effect_words(added).replace(" + ", "\n+ ")
     return (
-        label.replace("_", "_\n").replace(" x", "\nx").replace(" y", "\ny") if steps > 4 else label
+        "\n".join(fill(line, NARROW_LETTERS) for line in label.splitlines()) if steps > 4 else label
     )
 
 
@@ -254,7 +254,7 @@ def ahead(rows: Sequence[ProofRow], floor_mm: float | None) -> Figure:
     this error are left out.
     """
     shown = [row for row in rows if row.ahead_1s_mm is not None]
-    labels = [fill(row.model, LABEL_LETTERS) for row in shown]
+    labels = [fill(effect_words(row.model), LABEL_LETTERS) for row in shown]
     lines = max((label.count("\n") + 1 for label in labels), default=1)
     each = max(0.42, 0.19 * lines)  # inches
     figure, axis = plt.subplots(figsize=(WIDE, each * len(shown) + 1.1))

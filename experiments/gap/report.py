@@ -1,10 +1,13 @@
 """`gap.html`: what is missing from the model, for someone who knows the lab but not the method."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from math import degrees
 from pathlib import Path
+from typing import TypeVar
 
+from calibration.gap.agreement import sentences
 from calibration.gap.findings import Findings, Named
 from calibration.gap.report.units import interval_words, key_words, parameter_unit, shown_unit, sig
 from experiments.gap.stages import locate_stage, name_stage, next_stage, prove_stage, stage
@@ -18,12 +21,14 @@ from experiments.gap.words import (
     percent,
     recalibration,
     sentence_of,
+    spoken,
 )
 from experiments.records.run_folder import read_meta, write_results
 from experiments.reports.figures import SOURCES
 from experiments.reports.report import Block, Code, Section, Table, write_page
 from rig.rigfile import write_rig
 
+B = TypeVar("B", bound=Block | None)
 SHORT_CHANNELS = 4
 RIG_NOT_GIVEN = "none was given, so the one in each run's run.json, else the default table's"
 
@@ -68,32 +73,51 @@ def write_gap_report(
     `origin_words`; truth: a sentence on what was hidden. OSError: the folder cannot be written.
     """
     folder.mkdir(parents=True, exist_ok=True)
+    known = found.known
     stages = [
-        locate_stage(found, folder),
-        name_stage(found, folder),
-        add_stage(found, names),
-        prove_stage(found, folder),
-        next_stage(found, next_command),
+        _spoken(section, known)
+        for section in (
+            locate_stage(found, folder),
+            name_stage(found, folder),
+            add_stage(found, names),
+            prove_stage(found, folder),
+            next_stage(found, next_command),
+        )
     ]
+    by_log = set(sentences(found.by_log, names))  # a table of its own tells them
     return write_page(
         folder / "gap.html",
         title="Where model and table disagree",
-        summary=[*filter(None, [truth]), *summary(found)],
+        summary=[spoken(said, known) for said in (truth, *summary(found)) if said],
         origin=origin,
         sections=stages,
         template="gap.html",
         numbered=True,
         verdict=found.verdict,
         verdict_words=VERDICT_WORDS.get(found.verdict, found.verdict),
-        sentence=found.sentence,
-        answer_table=answer_table(found),
+        sentence=spoken(found.sentence, known),
+        answer_table=_spoken_block(answer_table(found), known),
         names=list(names),
         rig_words=str(rig_file) if rig_file is not None else RIG_NOT_GIVEN,
-        notes=found.notes,
+        notes=[spoken(note, known) for note in found.notes if note not in by_log],
         told="angle told"
         if found.rig_before is not None and found.rig_before.servo.takes_angle
         else "volts",
     )
+
+
+def _spoken(section: Section, known: Collection[str]) -> Section:
+    """A section with the effects' names in words; what is typed or stands in a file stays."""
+    return replace(section, blocks=[_spoken_block(block, known) for block in section.blocks])
+
+
+def _spoken_block(block: B, known: Collection[str]) -> B:
+    if isinstance(block, str):
+        return spoken(block, known)
+    if isinstance(block, Table):
+        rows = [[spoken(cell, known) for cell in row] for row in block.rows]
+        return replace(block, rows=rows)
+    return block
 
 
 def answer_table(found: Findings) -> Table | None:

@@ -1,7 +1,7 @@
 """Words of the gap workflow for people: no jargon."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict
 from math import inf, isfinite
 from pathlib import PurePath
@@ -12,7 +12,7 @@ import tomli_w
 from calibration.gap.decision_rule import DOUBTED_PROBABILITY
 from calibration.gap.findings import ClosedLoopRow, Findings, Interval
 from calibration.gap.model.parameters import CALIBRATED
-from calibration.gap.report.units import key_words, parameter_unit, sig
+from calibration.gap.report.units import effect_words, key_words, parameter_unit, sig
 from calibration.gap.report.wording import far_off
 from rig.effects import BY_NAME, Effect
 from rig.parameters import Rig
@@ -87,6 +87,12 @@ def smallest_words(
 def sentence_of(effect: str, known: Mapping[str, Effect] = BY_NAME) -> str:
     """The sentence on one of the `known` effects; "" for another."""
     return known[effect].sentence if effect in known else ""
+
+
+def spoken(text: str, known: Collection[str] = BY_NAME) -> str:
+    """A text with the effects' names as `effect_words` has them: `gear_backlash` -> `gear play`."""
+    names = "|".join(map(re.escape, known))
+    return re.sub(rf"\b({names})\b", lambda found: effect_words(found[0]), text)
 
 
 def nominal_of(key: str, rig: Rig | None) -> float | None:

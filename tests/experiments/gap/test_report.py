@@ -37,6 +37,7 @@ from experiments.gap.words import (
     floors,
     percent,
     smallest_words,
+    spoken,
 )
 from rig.effects import CATALOGUE
 from rig.parameters import CHANNELS, Rig
@@ -108,17 +109,17 @@ def test_a_page_is_whole_and_self_contained(pages, name):
     assert not re.search(r"\bnan\b|\binf\b|None", words(page))
     for title in ("Locate", "Name", "Add", "Prove", "Next"):
         assert re.search(rf"<h2[^>]*><span class=\"n\">\d</span>{title}</h2>", page)
-    assert ALL[name]().sentence in page
+    assert spoken(ALL[name]().sentence) in page
     assert all(path.stat().st_size > 8000 for path in pictures)
 
 
 def test_a_named_effect_is_told_in_degrees_and_millimetres(pages):
     text = words(pages["named"][0])
-    assert "joint_backlash x play 2.01 [1.93, 2.09] deg 0.08 deg 0 to 5.73 deg" in text
+    assert "joint play x play 2.01 [1.93, 2.09] deg 0.08 deg 0 to 5.73 deg" in text
     assert "ball x 7.90 2.53 mm 0.32 mm" in text
     assert "ball x 7.90 1.04 99 %" in text
     assert "servo x 1.03 1.02 no gap to close" in text
-    assert "named: joint_backlash 1.02 1.01 1.04 1.06 2.4" in text
+    assert "named: joint play 1.02 1.01 1.04 1.06 2.4" in text
     assert "limit cycle period x s 1.82 - 1.79" in text
     assert "limit cycle amplitude x mm 8.1 0.4 7.9 nearer" in text
     assert "Recalibrate the servo: gain x is off by +5.2 %" in text
@@ -130,9 +131,7 @@ def test_a_named_effect_is_told_in_degrees_and_millimetres(pages):
 
 def test_the_answer_stands_in_one_table_below_its_sentence(pages):
     head = words(pages["named"][0]).split("Looked at")[0]
-    assert (
-        "missing what it is x [95 %] y [95 %] sure joint_backlash Free play in the joints" in head
-    )
+    assert "missing what it is x [95 %] y [95 %] sure joint play Free play in the joints" in head
     assert head.endswith("2.01 [1.93, 2.09] deg 1.15 [1.10, 1.19] deg 98 % ")
     assert "one of these what it is" in words(pages["rivals"][0])
     assert "what it is" not in words(pages["unknown"][0]) + words(pages["nothing"][0])
@@ -157,8 +156,8 @@ def test_what_has_no_name_is_described(pages):
 
 def test_rivals_get_an_experiment_and_its_command(pages):
     text = words(pages["rivals"][0])
-    assert "camera_delay (57 %) or linkage_cubic (41 %): these logs do not tell" in text
-    assert "steps (30 s on the rig): it separates camera_delay from linkage_cubic" in text
+    assert "camera delay (57 %) or linkage cubic (41 %): these logs do not tell" in text
+    assert "steps (30 s on the rig): it separates camera delay from linkage cubic" in text
     assert "expected separation is 27 (10 decides)" in text
     assert "rig run steps --arm with --rig rig.toml" in text
     assert "structural twins: a pure delay from encoder to plate" in text
@@ -332,4 +331,14 @@ def test_a_model_that_is_farther_in_closed_loop_is_told_in_a_note():
     assert farther_note((worse,)) == (
         "in closed loop the extended model is farther from the recording than the one before: "
         "spread 7.9 mm recorded, 7.24 before, 5.53 after",
+    )
+
+
+def test_names_are_spoken_and_what_stands_in_a_file_is_not():
+    assert (
+        spoken("joint_backlash (x 2 deg), or camera_delay")
+        == "joint play (x 2 deg), or camera delay"
+    )
+    assert (
+        spoken("effects.my_joint_backlash and coulomb") == "effects.my_joint_backlash and coulomb"
     )
