@@ -69,10 +69,9 @@ def _readable(
             notes.append(f"{run.folder.name} never ran (outcome {outcome}): nothing to show.")
             continue
         if outcome not in _WHOLE or run.meta["truncated"]:
-            notes.append(
-                f"{run.folder.name} did not run to its end (outcome {outcome}): "
-                "its numbers are those of a part."
-            )
+            why = f"outcome {outcome}" if outcome not in _WHOLE else "its recording was cut off"
+            part = "its numbers are those of a part"
+            notes.append(f"{run.folder.name} did not run to its end ({why}): {part}.")
         if lost := lost_words(run.meta):
             notes.append(f"{run.folder.name}: {lost}.")
         servo_only = bool(protocol_of(run.meta).get("servo_only"))
