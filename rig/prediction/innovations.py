@@ -10,6 +10,7 @@ the tick.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -73,11 +74,16 @@ class Signals:
 
     def has_servo(self, a: int) -> bool:
         """Whether volts and angle of axis `a` are there in every row, and the axis is driven."""
-        if not self.driven[a]:
-            return False
-        pair = self.volts_V, self.theta_rad
-        n = len(self.t_s)
-        return n > 1 and all(len(p) == n and np.isfinite(p[:, a]).all() for p in pair)
+        return self._servos[a]
+
+    @cached_property
+    def _servos(self) -> tuple[bool, bool]:
+        n, pair = len(self.t_s), (self.volts_V, self.theta_rad)
+        there = [
+            n > 1 and all(len(p) == n and bool(np.isfinite(p[:, a]).all()) for p in pair)
+            for a in (0, 1)
+        ]
+        return self.driven[0] and there[0], self.driven[1] and there[1]
 
 
 def signals(log: Log, *, camera_delay_s: float) -> Signals:

@@ -9,13 +9,14 @@ where a person held or pushed the ball.
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cache, cached_property
 from math import inf
 
 import numpy as np
 
 from calibration.gap.model.kept_fits import KeptFits
 from calibration.gap.model.parameters import BALL, SERVO, Model
+from rig.compiled import compiled
 from rig.log import Log
 from rig.prediction.innovations import (
     Signals,
@@ -192,16 +193,17 @@ class Evidence:
         Where one residual exceeds DIVERGED_Z, or its deviation is no number, or none is one, all
         are set to DIVERGED_Z, so that the cost is higher than that of any other prediction.
         """
-        with np.errstate(over="ignore", invalid="ignore"):
-            found = [self._run(*part, model, output) for part in self._parts[output]]
-        z, log_std = (np.concatenate(column) for column in zip(*found, strict=True))
-        blind = np.isnan(z)
-        z[blind] = 0.0
-        if np.max(np.abs(z), initial=0.0) > DIVERGED_Z:
+        n, worst, begin = len(self.masks[output]), 0.0, 0
+        z, log_std, blind = np.zeros(n), np.zeros(n), np.ones(n, np.bool_)
+        for run, left in self._parts[output]:
+            out, std = self._innovations(run, model, output)
+            end = begin + len(out)
+            into = z[begin:end], log_std[begin:end], blind[begin:end]
+            worst, begin = max(worst, _standardize(out, std, *into)), end + left
+        if worst > DIVERGED_Z:
             z[~blind] = DIVERGED_Z
         if blind.all():
             z[:] = DIVERGED_Z
-        log_std[~np.isfinite(log_std)] = 0.0
         return Roll(z, log_std)
 
     @cached_property
@@ -220,30 +222,24 @@ class Evidence:
             ]
         return parts
 
-    def _run(
-        self, run: Signals, left: int, model: Model, output: str
+    def _innovations(
+        self, run: Signals, model: Model, output: str
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Residuals and logarithms of their deviations, and NaN for the `left` samples after."""
+        """Innovations (k,) of an output in a run, and their expected deviations."""
         if output == BALL:
             out, std = ball_innovations(model.record, run, self.levels)
-            out, std = out.ravel(), np.repeat(std, 2)
-        else:
-            a = SERVO.index(output)
-            servo = model.gain_rad_s_V, model.time_constant_s
-            out, std = servo_innovations(model.record, run, self.levels, *servo, (a,))
-            out, std = out[:, a], std[:, a]
-        failed = np.isnan(out) == np.isfinite(std)  # a variance below 0 or beyond all numbers
-        z = np.where(failed, np.inf, out / std)
-        blind = np.full(left, np.nan)
-        return np.concatenate([z, blind]), np.concatenate([np.log(std), blind])
+            return out.ravel(), np.repeat(std, 2)
+        a = SERVO.index(output)
+        servo = model.gain_rad_s_V, model.time_constant_s
+        out, std = servo_innovations(model.record, run, self.levels, *servo, (a,))
+        return out[:, a], std[:, a]
 
     def rolls(self, wanted: Iterable[tuple[Model, str]]) -> list[Roll]:
         """Predictions for (model, output) pairs, in their order, on `threads` threads."""
         wanted = list(wanted)
         if self.threads == 1 or len(wanted) < 2:
             return [self.roll(model, output) for model, output in wanted]
-        with ThreadPoolExecutor(self.threads) as pool:
-            return list(pool.map(lambda pair: self.roll(*pair), wanted))
+        return list(_pool(self.threads).map(lambda pair: self.roll(*pair), wanted))
 
     def times(self, output: str) -> tuple[np.ndarray, np.ndarray]:
         """Time [s] and run number of every residual of an output, (n,) each."""
@@ -253,6 +249,32 @@ class Evidence:
     def with_levels(self, levels: np.record) -> "Evidence":
         """The evidence at other noise levels (dtype NOISE)."""
         return replace(self, levels=levels)
+
+
+@cache
+def _pool(threads: int) -> ThreadPoolExecutor:
+    """The threads of all predictions: to start some for every few would take as long as these."""
+    return ThreadPoolExecutor(threads, "prediction")
+
+
+@compiled
+def _standardize(out, std, z, log_std, blind) -> float:
+    """Write the residuals out/std and the logarithm of std of a prediction (k,), and where there is
+    none, which are left as they are; return the largest |z|, infinite where one failed: a variance
+    below 0 or beyond all numbers."""
+    worst = 0.0
+    for i in range(len(std)):
+        o, s = out[i], std[i]
+        if np.isnan(o) == np.isfinite(s):
+            blind[i], worst = False, inf
+            continue
+        if np.isfinite(s) and s > 0.0:
+            log_std[i] = np.log(s)
+        residual = o / s
+        if not np.isnan(residual):
+            blind[i], z[i] = False, residual
+            worst = max(worst, abs(residual))
+    return worst
 
 
 def _until(run: Signals, output: str, last: int) -> Signals:
