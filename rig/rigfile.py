@@ -37,13 +37,14 @@ OWN_EFFECTS = "own_effects"  # in what `to_dict` gives: name, file and text of e
 _FILES = ("token_file", "calibration")  # of [table]: relative to the rig file's folder
 
 
-def read_rig(path: Path) -> Rig:
+def read_rig(path: str | Path) -> Rig:
     """Return the rig of a TOML file; files that its [table] and [effects] name are found from the
     file's folder.
 
     ValueError (one line that names the file): no TOML, an unknown key, a wrong value or an effect
     file that is no good. OSError: the file cannot be read.
     """
+    path = Path(path)
     try:
         data, folder = toml_of(path), path.absolute().parent
         own = tuple(read_effect(folder / name) for name in _own_files(data))
@@ -241,7 +242,7 @@ def _is_made(content: bytes) -> bool:
     return b"#" not in content and sections <= there
 
 
-def write_rig(rig: Rig, path: Path) -> None:
+def write_rig(rig: Rig, path: str | Path) -> None:
     """Write the rig, with every key, to a TOML file that `read_rig` reads, as long as the effect
     files of its own lie where they lay; `refuse_own` knows it again. OSError: it cannot be written;
     an older one stays.
@@ -249,4 +250,4 @@ def write_rig(rig: Rig, path: Path) -> None:
     data = to_dict(rig)
     if data.pop(OWN_EFFECTS, []):
         data["effects"] = {"own": [one.file for one in rig.own]} | data["effects"]
-    write_whole(path, (MADE + tomli_w.dumps(data)).encode())
+    write_whole(Path(path), (MADE + tomli_w.dumps(data)).encode())

@@ -60,6 +60,8 @@ def test_the_shipped_table_survives_writing(tmp_path: Path):
     rig = load_rig(None)
     write_rig(rig, tmp_path / "rig.toml")
     assert read_rig(tmp_path / "rig.toml") == rig
+    write_rig(rig, f"{tmp_path}/named.toml")  # a path may be a string
+    assert read_rig(f"{tmp_path}/named.toml") == rig
 
 
 @pytest.mark.parametrize(
