@@ -233,15 +233,16 @@ def lost_words(meta: Mapping[str, Any]) -> str:
 def writable(folder: Path) -> Path:
     """Make `folder` where missing, check that it can be written, and return it.
 
-    NotADirectoryError: it is a file; PermissionError: it cannot be written (one line each);
-    OSError: there is no room.
+    NotADirectoryError: it is a file, or a link to nothing; PermissionError: it cannot be written
+    (one line each); OSError: there is no room.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with TemporaryFile(dir=folder) as probe:  # a fixed name may be somebody's link elsewhere
             probe.write(b"x")
     except FileExistsError:
-        raise NotADirectoryError(f"--out {folder}: is a file; name a folder") from None
+        what = "is a file" if folder.exists() else "is a link to nothing"
+        raise NotADirectoryError(f"--out {folder}: {what}; name a folder") from None
     except OSError as error:
         if error.errno in (errno.ENOSPC, errno.EDQUOT):
             raise
