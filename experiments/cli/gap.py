@@ -139,7 +139,9 @@ def _investigate_and_report(
     if json_file is not None:
         write_json(json_file, found.to_json())
     names, origin = [path.name for path in logs], origin_words(logs, demo=bool(truth))
-    page = write_findings(found, folder, names=names, rig_file=rig_file, origin=origin, truth=truth)
+    page = write_findings(
+        found, folder, names=names, rig_file=rig_file, origin=origin, remark=truth
+    )
     for line in summary_lines(found):
         say(line)
     say(f"report: {page}   numbers: {folder / 'results.json'}")

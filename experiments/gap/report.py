@@ -49,7 +49,7 @@ def write_findings(
     """Write all files of an analysis in `folder`, and return the path of the page gap.html.
 
     These are results.json, the extended model as rig.toml (where something was added), and the page
-    with its figures. names: of the logs; rig_file: the one that was given; of: `origin` and `truth`
+    with its figures. names: of the logs; rig_file: the one that was given; of: the other arguments
     of `write_gap_report`. OSError: the folder cannot be written.
     """
     write_results(folder, found.to_json())
@@ -65,12 +65,13 @@ def write_gap_report(
     names: Sequence[str],
     rig_file: Path | None = None,
     origin: str = "",
-    truth: str = "",
+    remark: str = "",
 ) -> Path:
     """Write gap.html, self-contained, and its figures (PNG) in `folder`; return the page's path.
 
     names: of the logs; rig_file: the one that was given, which the page names; origin: as of
-    `origin_words`; truth: a sentence on what was hidden. OSError: the folder cannot be written.
+    `origin_words`; remark: a sentence before the summary, on what was hidden or on runs that do not
+    suffice. OSError: the folder cannot be written.
     """
     folder.mkdir(parents=True, exist_ok=True)
     known = found.known
@@ -88,7 +89,7 @@ def write_gap_report(
     return write_page(
         folder / "gap.html",
         title="Where model and table disagree",
-        summary=[spoken(said, known) for said in (truth, *summary(found)) if said],
+        summary=[spoken(said, known) for said in (remark, *summary(found)) if said],
         origin=origin,
         sections=stages,
         template="gap.html",

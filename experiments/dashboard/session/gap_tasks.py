@@ -85,7 +85,7 @@ def find_gap(
         folder,
         names=[path.name for path in paths],
         origin=origin_words(paths, demo=logs is None),
-        truth=hidden_words() if logs is None else "",
+        remark=hidden_words() if logs is None else _advice(paths),
     )
     models = None
     if findings.rig_before and findings.rig_after and findings.effects:
@@ -101,19 +101,25 @@ def _short(findings: Any, paths: Sequence[Path], calibration: Path, *, demo: boo
     from experiments.calibrate.folder import table_file
     from experiments.gap import beside
     from experiments.gap.demo import hidden_words
-    from experiments.gap.short_answer import advice, details, verdict
-    from experiments.records.run_folder import protocol_of, read_meta
+    from experiments.gap.short_answer import details, verdict
 
     found, truth = beside.found_values(findings), beside.true_values(paths)
     table = calibration.with_name(table_file("play"))
     known = {} if demo else beside.calibrated_values(calibration, table, truth)
     rows = beside.beside_rows(found, known, truth, findings.known)
-    protocols = [protocol_of(read_meta(path)).get("name", "?") for path in paths]
-    first = "" if demo else advice(protocols)
+    first = "" if demo else _advice(paths)
     said = verdict(findings, enough=not first, contradiction=beside.contradictions(rows))
     sentences = [*([first] if first else []), *said]
     of = [] if demo else [f"Of the runs {', '.join(path.name for path in paths)}."]
     return ShortAnswer(sentences, rows, details(findings) + of, hidden_words() if demo else "")
+
+
+def _advice(runs: Sequence[Path]) -> str:
+    """What to run first, where these runs do not suffice."""
+    from experiments.gap.short_answer import advice
+    from experiments.records.run_folder import protocol_of, read_meta
+
+    return advice([protocol_of(read_meta(run)).get("name", "?") for run in runs])
 
 
 def pictures_of(folder: Path) -> list[CaptionedPicture]:

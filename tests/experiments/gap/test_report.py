@@ -75,7 +75,7 @@ def test_the_page_names_the_rig_file_or_says_that_none_was_given(tmp_path, pages
 
 def test_a_page_that_stands_alone_says_whose_table_it_is_of(tmp_path, pages):
     assert all("results.json" not in words(page) for page, _ in pages.values())
-    told = {"origin": "demo, virtual rig", "truth": "Hidden: joint play x 2.01 deg."}
+    told = {"origin": "demo, virtual rig", "remark": "Hidden: joint play x 2.01 deg."}
     path = write_gap_report(named(), tmp_path, names=["log"], **told)
     text = words(path.read_text(encoding="utf-8"))
     assert "demo, virtual rig" in text
