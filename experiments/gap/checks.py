@@ -10,6 +10,7 @@ from math import degrees, log10
 import numpy as np
 
 from experiments.gap.physics import Response, ball_response, servo_response
+from experiments.records.row_checks import MAX_POSITION_M, check_clock
 from rig.log import COMMANDS, INDEX, Log
 from rig.parameters import Rig
 from rig.plant.plant_record import pack
@@ -17,14 +18,10 @@ from rig.prediction.commanded import answers
 from rig.prediction.innovations import after_holes, signals
 
 MIN_ROWS, MIN_SECONDS, MIN_OBSERVATIONS = 20, 1.0, 10
-MIN_RATE_HZ, MAX_RATE_HZ = 10.0, 5000.0
-RATE_TOLERANCE = 1.1
 MAX_VOLTS_V = 100.0  # no motor of such a table takes more: counts of a converter, or millivolts
-MAX_POSITION_M = 2.0  # no plate or beam is longer
 MAX_VALUE = 1e6  # of a single cell, in its SI unit: beyond, it is a fault of the recording; chosen
 BEYOND_RATIO = 1.3  # of half a plate, or of the end of travel: beyond, it is more than a slip
 ABSURD_GAIN_RATIO = 15.0  # of a gain to its nominal: beyond, it is a wrong unit, not another table
-MAX_PAUSE_S = 60.0  # chosen: time is filled with ticks, of which a day would fill the memory
 MAX_EXPOSURE_LAG_S = 2.0  # an exposure is at most so long before its row
 TIMES = ("t_s", "ball_exposed_s")  # may count from 1970
 OTHER_RATE = 1.25  # chosen: of frames to the rig file's: no slip of a clock, another camera
@@ -123,22 +120,10 @@ def _check_cells(log: Log) -> None:
 def _check_time(log: Log) -> None:
     """ValueError: time in other units or with a jump, another clock for exposures, too short."""
     t_s = log["t_s"]
+    check_clock(t_s)
     tick, length = float(np.median(np.diff(t_s))), float(t_s[-1] - t_s[0])
-    if not 1 / (MAX_RATE_HZ * RATE_TOLERANCE) <= tick <= RATE_TOLERANCE / MIN_RATE_HZ:
-        slow = "is t_s in milliseconds? then divide it by 1000"
-        raise ValueError(
-            f"rows come every {tick:.4g} s, at {1 / tick:.5g} Hz (limit: {MIN_RATE_HZ:g} to "
-            f"{MAX_RATE_HZ:g} Hz): {slow if tick > 1 / MIN_RATE_HZ else 'resample the log'}"
-        )
     if length < MIN_SECONDS:
         raise TooShortError(f"too short: {length:.3g} s (limit: {MIN_SECONDS:g} s); record longer")
-    longest = int(np.argmax(np.diff(t_s)))
-    pause_s = float(t_s[longest + 1] - t_s[longest])
-    if pause_s > MAX_PAUSE_S:
-        raise ValueError(
-            f"t_s jumps by {pause_s:.4g} s after row {longest + 1} (limit: {MAX_PAUSE_S:g} s), as "
-            "where a clock was set: cut the log there"
-        )
     late = (t_s - log["ball_exposed_s"])[~np.isnan(log["ball_exposed_s"])]
     if len(late) and not -tick <= float(np.median(late)) <= MAX_EXPOSURE_LAG_S:
         raise ValueError(

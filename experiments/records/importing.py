@@ -17,6 +17,7 @@ from experiments.records.csv_files import blocks_of, lines_of
 from experiments.records.exporting import ALWAYS
 from experiments.records.mat_files import read_mat
 from experiments.records.recording import read_run
+from experiments.records.row_checks import check_finite, check_order, which
 from experiments.records.run_folder import lost_words
 from rig.log import COMMANDS, INDEX, NAMES, Log
 
@@ -109,7 +110,7 @@ def _checked(path: Path, columns: Mapping[str, Any], notes: list[str]) -> Log:
         known = {name: _numbers(name, columns[name]) for name in NAMES if name in columns}
         _check_names(list(columns), known)
         log = Log.from_columns(known)
-        _check_times(log["t_s"])
+        check_order(log["t_s"])
         log, bridged = _bridged(log)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from error
@@ -142,20 +143,6 @@ def _check_names(names: list[str], known: dict[str, np.ndarray]) -> None:
         raise ValueError(f"no values in any of {', '.join(ONE_OF)}; one is needed; there: {full}")
 
 
-def _check_times(t_s: np.ndarray) -> None:
-    """ValueError where a time is no number or not later than the one before."""
-    bad = np.flatnonzero(~np.isfinite(t_s))
-    if len(bad):
-        raise ValueError(f"t_s is blank or not finite in {_where(bad)}: every row needs its time")
-    bad = np.flatnonzero(np.diff(t_s) <= 0) + 1
-    if len(bad):
-        was, now = float(t_s[bad[0] - 1]), float(t_s[bad[0]])
-        raise ValueError(
-            f"time does not grow in {_where(bad)} (from {was!r} to {now!r} s): "
-            "sort the rows, keep one a tick, import one run at a time"
-        )
-
-
 def _bridged(log: Log) -> tuple[Log, list[str]]:
     """Return the log without the few rows where an angle or a voltage is blank, and what to say.
 
@@ -164,13 +151,11 @@ def _bridged(log: Log) -> tuple[Log, list[str]]:
     """
     blank = np.zeros(len(log), bool)
     for name in ALWAYS:
-        bad = np.flatnonzero(np.isinf(log[name]))
-        if len(bad):
-            raise ValueError(f"{name} is infinite in {_where(bad)}")
+        check_finite(name, log[name])
         bad = np.flatnonzero(np.isnan(log[name]))
         if name in GAPLESS and FEW * len(log) < len(bad) < len(log):
             raise ValueError(
-                f"{name} is blank in {_where(bad)} (limit: {100 * FEW:g} % of the rows): "
+                f"{name} is blank in {which(bad)} (limit: {100 * FEW:g} % of the rows): "
                 "give it in every row, or leave the column out"
             )
         if name in GAPLESS and len(bad) < len(log):
@@ -178,14 +163,8 @@ def _bridged(log: Log) -> tuple[Log, list[str]]:
     if not blank.any():
         return log, []
     rows = np.flatnonzero(blank)
-    note = f"left out {_where(rows)} of {len(log)}, where an angle or a voltage is blank"
+    note = f"left out {which(rows)} of {len(log)}, where an angle or a voltage is blank"
     return log.where(~blank), [note]
-
-
-def _where(rows: np.ndarray) -> str:
-    """Say which rows, counted from 1."""
-    more = f" and {len(rows) - 1} more" if len(rows) > 1 else ""
-    return f"row {rows[0] + 1}{more}"
 
 
 def _read_csv(path: Path) -> dict[str, np.ndarray]:

@@ -26,6 +26,7 @@ from experiments.analysis.samples import run_part
 from experiments.progress import ProgressCall, silent
 from experiments.records.made_with import Entries, entries, of_table
 from experiments.records.recording import read_run
+from experiments.records.row_checks import check_rows
 from experiments.records.run_folder import lost_words, protocol_of, refuse_twice, write_results
 from experiments.reports import figures
 from experiments.reports.figures import SOURCES, save
@@ -66,7 +67,8 @@ def _readable(
             continue
         outcome = str(run.meta.get("outcome"))
         if not len(run_part(run.log)):
-            notes.append(f"{run.folder.name} never ran (outcome {outcome}): nothing to show.")
+            why = "all of its rows are lost" if outcome in _WHOLE else f"outcome {outcome}"
+            notes.append(f"{run.folder.name} has nothing to show: {why}.")
             continue
         if outcome not in _WHOLE or run.meta["truncated"]:
             why = f"outcome {outcome}" if outcome not in _WHOLE else "its recording was cut off"
@@ -76,6 +78,7 @@ def _readable(
             notes.append(f"{run.folder.name}: {lost}.")
         servo_only = bool(protocol_of(run.meta).get("servo_only"))
         try:
+            check_rows(run.log)
             rig_of_record(run.meta.get("rig") or {})
         except ValueError as error:
             raise ValueError(f"{folder}: {error}") from None
