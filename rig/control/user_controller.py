@@ -18,7 +18,7 @@ commands passes `limits.limit`, which turns what is no number into 0 V.
 
 import importlib.util
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Set
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
@@ -170,8 +170,7 @@ def command_volts(
     """
     try:
         with bounds:
-            volts = controller.control(seen)
-            out[0], out[1] = (float(v) for v in volts)
+            out[0], out[1] = _two_numbers(controller.control(seen))
     except KeyboardInterrupt:
         out[:] = 0.0
         raise
@@ -179,6 +178,17 @@ def command_volts(
         out[:] = 0.0
         words_s = min(bounds.seconds, WORDS_S)  # the table waits for its 0 V
         raise _failed(controller, "control", error, words_s) from error
+
+
+def _two_numbers(volts: Any) -> tuple[float, float]:
+    """Two numbers of a sequence, whose order is meant: no text, set or mapping. TypeError,
+    ValueError: they are not."""
+    if isinstance(volts, str | bytes | bytearray | Set | Mapping):
+        raise TypeError(f"two numbers are wanted, not {type(volts).__name__}")
+    x, y = volts
+    if isinstance(x, str | bytes) or isinstance(y, str | bytes):
+        raise TypeError("two numbers are wanted, not text")
+    return float(x), float(y)
 
 
 def end_controller(controller: UserController, outcome: str) -> str:

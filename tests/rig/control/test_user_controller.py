@@ -3,6 +3,7 @@
 import sys
 import time
 from math import nan
+from typing import Any
 
 import numpy as np
 import pytest
@@ -49,7 +50,7 @@ class FailsAt(Steering):
         super().__init__()
         self.tick, self.what = tick, what
 
-    def control(self, now):
+    def control(self, now) -> Any:
         volts = super().control(now)
         return self.what(volts) if len(self.seen) > self.tick else volts
 
@@ -91,7 +92,7 @@ def _leave(volts):
 @pytest.mark.parametrize(
     ("what", "said"),
     [(_raise, "RuntimeError: no idea"), (lambda v: 1.0, "TypeError"), (lambda v: (1, 2, 3), "many"),
-     (lambda v: None, "TypeError"), (lambda v: ("a", 0), "could not convert"),
+     (lambda v: None, "TypeError"), (lambda v: ("a", 0), "two numbers are wanted"),
      (_leave, "SystemExit: 0")],
 )  # fmt: skip
 def test_what_fails_in_it_stops_the_rig_and_is_recorded(what, said):
@@ -176,6 +177,22 @@ def test_wishes_beyond_the_limits_are_clipped():
     controller = FailsAt(100, lambda v: (1e9, -1e9))
     _, rows = run(controller)
     assert np.abs(rows[:, 1:3]).max() <= Rig().servo.voltage_limit_V
+
+
+@pytest.mark.parametrize(
+    "returned",
+    ["99", b"zz", bytearray(b"zz"), {1.0, -3.0}, {5.0: 1, 6.0: 2}, ("1", "2"), (1.0,), 3.0, None],
+)
+def test_what_is_not_two_numbers_in_order_ends_the_run_at_0_volts(returned):
+    ending, rows = run(FailsAt(100, lambda v: returned))
+    assert ending.outcome == "aborted"
+    assert ".control failed" in ending.reason
+    assert rows[-1, 1:3].tolist() == [0.0, 0.0]
+
+
+@pytest.mark.parametrize("kind", [list, np.array, lambda v: np.array(v, np.float32)])
+def test_two_numbers_in_order_are_volts_whatever_holds_them(kind):
+    assert run(FailsAt(100, lambda v: kind(tuple(v))))[0].outcome == "completed"
 
 
 def test_words_that_never_come_are_made_within_what_a_tick_may_take():
