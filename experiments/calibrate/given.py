@@ -9,10 +9,10 @@ import numpy as np
 from calibration.camera.sheet import CalibrationError
 from experiments.analysis.alike import difference_words
 from experiments.calibrate.folder import Source
-from experiments.records.importing import read_log
+from experiments.records.importing import read_log, refuse_same_rows
 from experiments.records.made_with import Entries, entries
 from experiments.records.recording import read_run
-from experiments.records.run_folder import plain
+from experiments.records.run_folder import plain, refuse_twice
 from experiments.runs.assemble import known
 from rig.control.controllers import WITHOUT
 from rig.course import Course
@@ -57,6 +57,15 @@ def read_given(path: Path, rig: Rig) -> Given:
         return Given(whole.log, "measured", float(whole.meta.get("camera_late_s", 0.0)))
     delay = ((whole.meta.get("rig") or {}).get("camera") or {}).get("delay_s")
     return Given(whole.log, "simulated", None if delay is None else float(delay))
+
+
+def read_all(paths: Sequence[Path], rig: Rig) -> list[Given]:
+    """`read_given` of each path. ValueError, too, where one is named twice, or two hold the same
+    rows: they would count twice."""
+    refuse_twice(paths)
+    given = [read_given(path, rig) for path in paths]
+    refuse_same_rows([one.log for one in given], [str(path) for path in paths])
+    return given
 
 
 def _table(record: dict) -> Entries:

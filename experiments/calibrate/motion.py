@@ -20,7 +20,14 @@ from experiments.calibrate.folder import (
     with_servo,
     with_timing,
 )
-from experiments.calibrate.given import led_about, led_in_steps, read_given, source_of, write_csv
+from experiments.calibrate.given import (
+    led_about,
+    led_in_steps,
+    read_all,
+    read_given,
+    source_of,
+    write_csv,
+)
 from experiments.calibrate.pictures import level_figure, servo_figure, time_figure
 from experiments.calibrate.position import calibrate_position_servo
 from experiments.progress import ProgressCall, silent
@@ -96,7 +103,7 @@ def calibrate_level(
     OSError: a file or folder that cannot be used.
     """
     rig = load_rig(rig_file)
-    given = [read_given(path, rig) for path in runs]
+    given = read_all(runs, rig)
     folder = CalibrationFolder(out, source_of(given), rig)
     believed = folder.believed(rig_file)
     logs = [one.log for one in given]

@@ -22,10 +22,9 @@ from calibration.motion.timing import Wiggle
 from calibration.records import PositionServoAxis, PositionServoRecord, Value
 from experiments.calibrate.filmed import has_plate, tilt_in_film, virtual_film
 from experiments.calibrate.folder import CalibrationFolder, with_position_servo
-from experiments.calibrate.given import Given, led_in_steps, read_given, source_of, write_csv
+from experiments.calibrate.given import Given, led_in_steps, read_all, source_of, write_csv
 from experiments.calibrate.pictures import angle_figure, level_figure_of_servo
 from experiments.progress import ProgressCall, silent
-from experiments.records.importing import refuse_same_rows
 from experiments.runs.assemble import load_rig
 from rig.log import COMMANDS, Log
 from rig.parameters import Rig
@@ -64,7 +63,7 @@ def calibrate_position_servo(
     rig file, run, video or folder cannot be used.
     """
     rig = load_rig(rig_file)
-    given = [read_given(path, rig) for path in runs]
+    given = read_all(runs, rig)
     folder = CalibrationFolder(out, source_of(given), rig)
     believed = folder.believed(rig_file)
     logs = [one.log for one in given]
@@ -85,7 +84,6 @@ def calibrate_position_servo(
         shown = _virtual_moves(rig, folder, seed)
         found = _by_plate(followed_by_plate(shown, believed), believed, [], folder)
     else:
-        refuse_same_rows(logs, [str(path) for path in runs])
         if not logs:
             logs = [led_in_steps(rig, LED_S, np.random.default_rng([seed, 16]))]
         found = _by_ball(believed, logs, runs, folder, progress)

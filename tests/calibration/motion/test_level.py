@@ -63,7 +63,7 @@ def test_the_ball_tells_the_delay_within_its_interval(seed):
     found = timing_from_ball(axes, KIND, KIND.camera.delay_s).delay_s
     true = KIND.camera.delay_s + 0.003 * (seed - 1)
     assert found.low <= true <= found.high
-    assert found.high - found.low < 0.012
+    assert found.high - found.low < 0.016  # what other motions may be off by is in it
 
 
 def test_a_ball_that_runs_the_wrong_way_is_refused():

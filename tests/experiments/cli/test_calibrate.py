@@ -248,3 +248,19 @@ def test_help_is_instant():
     )
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert "HEAVY []" in out.stdout
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [3, 21])
+def test_a_released_balls_delay_lies_in_its_interval_and_a_run_counts_once(
+    tmp_path: Path, capsys, seed: int
+):
+    assert call("run", "free-release", "--arm", "without", "--seed", seed, "--out", tmp_path) == 0
+    (run,) = (tmp_path / "runs").iterdir()
+    assert call("calibrate", "time", run, "--out", tmp_path / "c") == 0
+    timing = load_draft(tmp_path / "c" / "calibration.json").timing
+    assert timing is not None
+    assert timing.delay_s.low <= 0.012 <= timing.delay_s.high
+    capsys.readouterr()
+    assert call("calibrate", "level", run, run, "--out", tmp_path / "d") == 2
+    assert "is named twice" in capsys.readouterr().err
