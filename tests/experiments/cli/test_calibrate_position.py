@@ -121,9 +121,11 @@ def test_a_film_of_a_run_tells_them_too(lens_and_plate: Path, tmp_path: Path):
 def test_a_film_needs_its_run_and_a_plate_that_was_calibrated(tmp_path: Path, capsys):
     log = tmp_path / "log.csv"
     log.write_text("t_s,command_x_rad,command_y_rad,ball_x_m\n0,0,0,0\n0.02,0.1,0,0\n")
+    other = tmp_path / "other.csv"
+    other.write_text("t_s,command_x_rad,command_y_rad,ball_x_m\n0,0,0,0\n0.02,0.2,0,0\n")
     for runs, said in (
         ((), "--video: name the one run whose frames these are, not 0"),
-        ((log, log), "name the one run whose frames these are, not 2"),
+        ((log, other), "name the one run whose frames these are, not 2"),
         ((log,), f"{tmp_path} has no lens yet: run rig calibrate camera --out {tmp_path} first"),
     ):
         args = ("calibrate", "servo", *runs, "--video", "a.mp4", "--rig", HOBBY, "--out", tmp_path)
