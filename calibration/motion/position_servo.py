@@ -275,10 +275,8 @@ def _look_alike(
     scale farther off than its interval tells: a second valley. Commands of one size move the servo
     by (1 + scale) of it, less the dead band; where it rests at few places, what the readings are
     rounded by says nothing of which it is."""
-    numbers, deviations = (
-        best.numbers(best.x),
-        dict(zip(best.names, best.deviations(), strict=True)),
-    )
+    numbers = best.numbers(best.x)
+    deviations = dict(zip(best.names, best.deviations(), strict=True))
     usual = NUMBERS["dead_band_rad"].starts[0]
     other = 0.0 if numbers["dead_band_rad"] > 0.5 * usual else usual
     names = [name for name in best.names if name != "dead_band_rad"]

@@ -251,7 +251,7 @@ def test_help_is_instant():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [3, 21])
+@pytest.mark.parametrize("seed", [31, 32])  # none of those that the interval was made from
 def test_a_released_balls_delay_lies_in_its_interval_and_a_run_counts_once(
     tmp_path: Path, capsys, seed: int
 ):
