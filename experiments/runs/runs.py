@@ -148,12 +148,14 @@ def reject(folder: Path, reason: str) -> None:
     """Mark a run as rejected, with the reason, in its run.json.
 
     FileNotFoundError: the folder has no run.json; ValueError: that of another version, or the run
-    is still being recorded, whose end would forget it.
+    is still being recorded, whose end would forget it, or the reason is no text.
     """
     if not (folder / "run.json").is_file():
         raise FileNotFoundError(f"{folder} is no run folder: it has no run.json")
     if being_recorded(folder):
         raise ValueError(f"{folder} is still being recorded: reject it when it has ended")
+    if not reason.strip():
+        raise ValueError("the reason is empty: say why, in a word at least")
     if not reason.isprintable():
         raise ValueError("the reason holds control characters: write it as plain text")
     replace_json(folder / "run.json", read_meta(folder) | {"rejected": reason})

@@ -176,4 +176,6 @@ def _why_not(path: Path, meta: dict[str, Any]) -> str:
         return "is being recorded" if being_recorded(path) else "was cut off: rig recover mends it"
     if meta["outcome"] not in WHOLE:
         return f"failed (outcome {meta['outcome']})"
+    if not (path / "samples.mcap").is_file():
+        return "is damaged: it has no samples.mcap"
     return ""

@@ -595,5 +595,8 @@ def test_a_run_that_is_being_recorded_is_not_rejected_to_be_forgotten(tmp_path: 
         with pytest.raises(ValueError, match="still being recorded: reject it when it has ended"):
             reject(tmp_path / "run", "hand on the plate")
         recorder.finish("completed")
+    for nothing in ("", "  "):
+        with pytest.raises(ValueError, match="reason is empty: say why"):
+            reject(tmp_path / "run", nothing)
     reject(tmp_path / "run", "hand on the plate")
     assert read_run(tmp_path / "run").meta["rejected"] == "hand on the plate"
