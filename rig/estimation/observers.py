@@ -19,6 +19,7 @@ import numpy as np
 
 from rig.compiled import compiled, inlined
 from rig.parameters import GEARS_INERTIA_HIGH_KG_M2, Rig
+from rig.safety.limits import free_rate
 from rig.table import R_BALL, R_EXPOSED, R_MOTOR, R_NEW, R_THETA, R_TIME
 
 ESTIMATE = np.dtype(
@@ -29,6 +30,7 @@ ESTIMATE = np.dtype(
         ("frames", np.int64),
         ("theta", np.float64, (2,)),
         ("rate", np.float64, (2,)),
+        ("free_rate", np.float64, (2,)),  # of a motor in the play of its gears, by the volts
         ("torque_sum", np.float64, (2,)),
         ("rate_filtered", np.float64, (2,)),
         ("torque", np.float64, (2,)),  # T_e [N m]
@@ -39,7 +41,7 @@ ESTIMATE = np.dtype(
 ESTIMATE_SETTINGS = np.dtype(
     [
         (name, np.float64)
-        for name in "tick_s filter torque_per_volt damping inertia decay lag gain".split()
+        for name in "tick_s filter torque_per_volt damping inertia decay lag gain motor_gain motor_decay".split()
     ]
 )
 
@@ -54,6 +56,8 @@ def settings(rig: Rig) -> np.record:
     load = GEARS_INERTIA_HIGH_KG_M2 + rig.drive.plate_inertia_kg_m2
     q["inertia"] = rig.servo.inertia_kg_m2 - load
     q["gain"] = rig.gains.observer_gain
+    q["motor_gain"] = rig.servo.gain_rad_s_V
+    q["motor_decay"] = exp(-q["tick_s"] / rig.servo.time_constant_s)
     q["decay"] = exp(-q["tick_s"] / rig.gains.torque_filter_s)
     # By so much the sampled filter lags a ramp (tau in continuous time): with it a steady
     # acceleration is recovered exactly.
@@ -109,6 +113,7 @@ def observe_torque(b, q, reading, volts):
             b.theta[a] = theta
         difference = (theta - b.theta[a]) / q.tick_s
         b.rate[a] = q.decay * b.rate[a] + (1.0 - q.decay) * difference
+        b.free_rate[a] = free_rate(b.free_rate[a], volts[a], q.motor_gain, q.motor_decay)
         speed = reading[R_MOTOR + a]
         if np.isnan(speed):
             speed = difference

@@ -8,6 +8,13 @@ static int32_t clamp(int32_t v, int32_t most) { return v > most ? most : v < -mo
 
 static int32_t least(int32_t a, int32_t b) { return a < b ? a : b; }
 
+static int32_t larger(int32_t a, int32_t b) { return a > b ? a : b; }
+
+/* v / 2^times, towards zero: a division takes the chip a twentieth of a tick. */
+static int32_t halved(int32_t v, uint8_t times) {
+    return v < 0 ? -(int32_t)((uint32_t)-v >> times) : (int32_t)((uint32_t)v >> times);
+}
+
 uint8_t kind_config(board_t *b, const uint8_t *p) {
     uint16_t per_rev = get16(p + 14), most;
     uint8_t e;
@@ -26,6 +33,7 @@ uint8_t kind_config(board_t *b, const uint8_t *p) {
      * law is a spring of k = W/taper with damping (1 + k delay)/(2 sqrt(k tau)). */
     b->delay_half_ms = (uint16_t)(2 * FILTER_MS + 3 + b->time_constant_ms / 20);
     b->top_speed = (int32_t)((uint32_t)per_rev * get16(p + 22) / 24544) + 1; /* of mrad/s */
+    b->free_gain = least(256L * 256 / LAG_PARTS * b->top_speed / larger(b->limit_mV, 1), 1000000L);
     b->taper = per_rev / 157 + 1;
     b->lag_share = (int16_t)(8192 / b->time_constant_ms);
     if (b->lag_share > 2048) b->lag_share = 2048;
@@ -76,12 +84,17 @@ static int32_t level_mV(const board_t *b, uint8_t e) {
 }
 
 /* Filtered speed in counts/256 a ms. */
-static int32_t speed(const board_t *b, uint8_t e) { return b->speed_sum[e] / FILTER_MS; }
+static int32_t speed(const board_t *b, uint8_t e) { return halved(b->speed_sum[e], FILTER_HALVINGS); }
+
+/* That of a motor which volts alone drive, as in the play of its gears, in counts/256 a ms. */
+static int32_t free_speed(const board_t *b, uint8_t e) {
+    return clamp(halved(halved(b->lagged[e], 8) * b->free_gain, 8), 256L * MOST_COUNTS);
+}
 
 static void measure_speed(board_t *b, uint8_t e) {
     uint8_t last = (uint8_t)((b->past_at + RATE_MS - 1) % RATE_MS);
-    int32_t moved = clamp((int32_t)((uint32_t)b->counts[e] - (uint32_t)b->past[e][last]), 100);
-    b->speed_sum[e] += 256 * moved - speed(b, e);
+    int32_t moved = (int32_t)((uint32_t)b->counts[e] - (uint32_t)b->past[e][last]);
+    b->speed_sum[e] += 256 * clamp(moved, MOST_COUNTS) - speed(b, e);
 }
 
 /* Volts that bring the arm on towards +, at most: the law of rig/safety/limits.py, in counts.
@@ -89,12 +102,16 @@ static void measure_speed(board_t *b, uint8_t e) {
  * A servo with the time constant tau that goes at w and is braked stops after
  * w delay + tau w^2 / (2 W + w), W its top speed. What is left of the way to the limit is the room;
  * with less than the taper of it the bound falls in proportion, through 0 V at no room, to full
- * volts back. */
+ * volts back. In the play of its gears the motor goes unseen: w is the larger of the speed that the
+ * encoder shows and that which the volts give a free motor. */
 static int32_t most_mV(const board_t *b, int32_t at, int32_t w) {
     int32_t room = (int32_t)b->angle_limit - at;
     if (w > 0) {
-        int32_t stop = (int32_t)((uint32_t)w * (uint32_t)w / (uint32_t)(2 * b->top_speed + w));
-        room -= w * b->delay_half_ms / 512 + 1; /* rounded up */
+        int32_t stop;
+        room -= (int32_t)((uint32_t)w * b->delay_half_ms / 512) + 1; /* rounded up */
+        stop = (int32_t)((uint32_t)w * b->time_constant_ms / 256); /* or less: no slow division */
+        if (room - 1 - stop >= b->taper) return b->limit_mV;
+        stop = (int32_t)((uint32_t)w * (uint32_t)w / (uint32_t)(2 * b->top_speed + w));
         room -= (int32_t)((uint32_t)stop * b->time_constant_ms / 256) + 1;
     }
     if (room >= b->taper) return b->limit_mV;
@@ -104,10 +121,10 @@ static int32_t most_mV(const board_t *b, int32_t at, int32_t w) {
 
 /* The wish within the board's own limits. */
 static int32_t guarded_mV(const board_t *b, uint8_t e, int32_t wish) {
-    int32_t at = place(b, e), w = speed(b, e), most;
+    int32_t at = place(b, e), w = speed(b, e), free = free_speed(b, e), most;
     if (!(b->wired & WIRED_HOMED)) return clamp(wish, least(HOMING_LIMIT_MV, b->limit_mV));
-    wish = least(clamp(wish, b->limit_mV), most_mV(b, at, w));
-    most = most_mV(b, -at, -w);
+    wish = least(clamp(wish, b->limit_mV), most_mV(b, at, larger(w, free)));
+    most = most_mV(b, -at, larger(-w, -free));
     return wish > -most ? wish : -most;
 }
 
@@ -131,7 +148,7 @@ static uint8_t still(board_t *b, uint8_t e) {
     int32_t moved = clamp((int32_t)((uint32_t)b->counts[e] - (uint32_t)b->still_from[e]), 100000);
     if (is_negative(b, e)) v = -v;
     b->lagged[e] += ((LAG_PARTS * v - b->lagged[e]) * b->lag_share) >> 12; /* no slow division */
-    lagged = b->lagged[e] / LAG_PARTS;
+    lagged = halved(b->lagged[e], LAG_HALVINGS);
     if (moved > b->moved || moved < -b->moved) {
         b->still_from[e] = b->counts[e];
         push[0] = push[1] = 0;
@@ -208,9 +225,11 @@ uint8_t kind_flies(const board_t *b) {
     uint8_t e;
     if (!b->catch_ms || !(b->wired & WIRED_HOMED)) return 0;
     for (e = 0; e < 2; e++) {
-        int32_t at = place(b, e), w = speed(b, e);
-        int32_t way = (int32_t)((uint32_t)(w < 0 ? -w : w) * b->time_constant_ms / 128);
-        if (way && (w < 0 ? -at : at) + way > (int32_t)b->angle_limit) return 1;
+        int32_t at = place(b, e), w = speed(b, e), free = free_speed(b, e);
+        int32_t up = larger(larger(w, free), 0) * b->time_constant_ms / 128;
+        int32_t down = larger(larger(-w, -free), 0) * b->time_constant_ms / 128;
+        if (up && at + up > (int32_t)b->angle_limit) return 1;
+        if (down && -at + down > (int32_t)b->angle_limit) return 1;
     }
     return 0;
 }

@@ -13,7 +13,8 @@ enum { WIRED_HOMED = 1, WIRED_NEGATIVE_0 = 2, WIRED_NEGATIVE_1 = 4, WIRED_CROSSE
 #if LIMIT_MV > 16000
 #error "LIMIT_MV: 16000 at most, or the volts that a servo's speed follows overflow 32 bits"
 #endif
-#define LAG_PARTS 32 /* of a mV: twice LIMIT_MV in them, times the largest lag_share, is below 2^31 */
+#define LAG_HALVINGS 5
+#define LAG_PARTS (1 << LAG_HALVINGS) /* of a mV: 2 LIMIT_MV in them times any lag_share < 2^31 */
 #ifndef ANGLE_LIMIT_MRAD
 #define ANGLE_LIMIT_MRAD 600 /* from level; the stops of the reference table are at 610 */
 #endif
@@ -24,7 +25,9 @@ enum { WIRED_HOMED = 1, WIRED_NEGATIVE_0 = 2, WIRED_NEGATIVE_1 = 4, WIRED_CROSSE
 #define STALL_COUNTS 3
 #define FEWEST_COUNTS 64 /* of an encoder in a revolution */
 #define RATE_MS 8 /* span over which levelling measures speed */
-#define FILTER_MS 16 /* time constant of the speed by which arms are braked */
+#define MOST_COUNTS 100 /* of an arm in a ms: more is no motion */
+#define FILTER_HALVINGS 4
+#define FILTER_MS (1 << FILTER_HALVINGS) /* time constant of the speed by which arms are braked */
 #define MOVED_COUNTS 2 /* more is a motion: an arm at the edge of a count shows one */
 #define CATCH_TAUS 5 /* so long after the session arms are still braked; e^-5 is left at 0 V */
 
@@ -46,6 +49,7 @@ struct board {
     uint16_t time_constant_ms; /* of the servo */
     uint16_t delay_half_ms; /* age of the speed when volts act */
     int32_t top_speed; /* at limit_mV, in counts/256 a ms */
+    int32_t free_gain; /* of a motor that runs free: counts/256 a ms for 256 of lagged, 1/256 */
     int32_t taper; /* room in which volts are bounded: 0.04 rad, in counts */
     uint16_t sure_mV[2][2]; /* that surely move the arm of an encoder channel, STALL_MV at most */
     int32_t push_limit; /* of volts beyond these without motion, in mV times 2 ms */

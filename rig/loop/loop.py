@@ -200,13 +200,13 @@ class Loop:
         """What is applied of what is commanded."""
         age_s, q = self._monitor_state.late_s, self._q
         for a, theta in enumerate(reading.theta_rad):
-            rate = self.state["estimate"]["rate"][a]
+            rate, free = (self.state["estimate"][name][a] for name in ("rate", "free_rate"))
             last, bounds = self._applied[a], (q["voltage_limit"], q["angle_limit"], q["slew"])
             stops = Braking(q["delay"], q["time_constant"], q["top_speed"])
             if q["takes_angle"]:
                 now = limit_angle(self._commanded[a], last, q["angle_limit"], age_s)
             else:
-                now = limit(self._commanded[a], theta, rate, last, *bounds, stops, age_s)
+                now = limit(self._commanded[a], theta, rate, last, *bounds, stops, age_s, free)
             self._applied[a] = now
 
     def _note(
@@ -300,7 +300,9 @@ class Loop:
         """
         far_s = self._q["delay"] + 2.0 * self._q["time_constant"]
         theta = np.abs([seen.theta_rad[a] for a in arms])
-        ways = theta + far_s * np.abs([self.state["estimate"]["rate"][a] for a in arms])
+        estimate = self.state["estimate"]
+        rates = np.maximum(np.abs(estimate["rate"]), np.abs(estimate["free_rate"]))
+        ways = theta + far_s * rates[list(arms)]
         return bool(np.any((ways > self._q["angle_limit"]) & (theta <= self._limits.angle_rad)))
 
     def _all_off(self, reading: Reading, ending: Ending) -> Ending:

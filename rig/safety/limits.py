@@ -7,7 +7,7 @@ command larger, or turns its sign, for one purpose: to brake an arm that would p
 
 from typing import NamedTuple
 
-from rig.compiled import compiled
+from rig.compiled import compiled, inlined
 from rig.parameters import Servo
 
 SLEW_V_S = 1500.0  # 0 to 3 V within a tick of 2 ms: faster than any loop here means to be
@@ -36,6 +36,23 @@ def braking(servo: Servo, period_s: float, filter_s: float = 0.0) -> Braking:
 
 
 @compiled
+def free_rate(before_rad_s, applied_V, gain_rad_s_V, kept):
+    """Rate after a tick of a motor that volts alone drive, as in the play of its gears [rad/s].
+
+    tau w' = K V - w. before_rad_s: a tick ago; applied_V: since then; gain_rad_s_V: K; kept:
+    exp(-tick / tau).
+    """
+    return kept * before_rad_s + (1.0 - kept) * gain_rad_s_V * applied_V
+
+
+@inlined
+def _stops_after(rate_rad_s, braking):
+    """Way to rest of a braked arm [rad]: s of `limit`, and what it goes before that."""
+    share = rate_rad_s / (2.0 * braking.top_speed_rad_s + rate_rad_s)
+    return rate_rad_s * (braking.delay_s + braking.time_constant_s * share)
+
+
+@compiled
 def limit(
     commanded_V,
     theta_rad,
@@ -46,12 +63,13 @@ def limit(
     slew_V,
     braking,
     age_s=0.0,
+    free_rad_s=0.0,
 ):
     """Volts that may be applied to one axis [V].
 
     commanded_V: what the controller asks; theta_rad, rate_rad_s: the encoder's angle and its rate;
     last_V: what was applied before; braking: a `Braking`; age_s: how old the estimate behind the
-    command is. |V| <= voltage_limit_V; |V| grows by at most slew_V in a tick; 0 V where an argument
+    command is; free_rad_s: of `free_rate`. |V| <= voltage_limit_V; |V| grows by at most slew_V in a tick; 0 V where an argument
     is not finite or age_s is above STALE_S.
 
     Towards the angle limit volts are bounded by the room that is left when the arm is braked. A
@@ -62,17 +80,17 @@ def limit(
     as ln(1 + u) >= 2 u / (2 + u). It has gone w delay before that, so that
     room = angle_limit - theta - w delay - tau w^2 / (2 W + w). With more than TAPER_RAD of it the
     command passes; from there the bound falls in proportion, through 0 V at no room, to -V_max.
+
+    In the play of its gears the motor turns and the encoder does not show it, until a tooth strikes
+    and the arm goes at the motor's rate. That is at most free_rad_s, whatever the play: w is the
+    larger of the two rates towards a limit.
     """
     unclear = (commanded_V - commanded_V) + (theta_rad - theta_rad) + (rate_rad_s - rate_rad_s)
     if not (unclear == 0.0 and last_V - last_V == 0.0 and age_s <= STALE_S):
         return 0.0
     allowed = min(max(commanded_V, -voltage_limit_V), voltage_limit_V)
-    speed = abs(rate_rad_s)
-    stopping = braking.delay_s + braking.time_constant_s * (
-        speed / (2.0 * braking.top_speed_rad_s + speed)
-    )
-    up = theta_rad + max(rate_rad_s, 0.0) * stopping
-    down = theta_rad + min(rate_rad_s, 0.0) * stopping
+    up = theta_rad + _stops_after(max(rate_rad_s, free_rad_s, 0.0), braking)
+    down = theta_rad - _stops_after(max(-rate_rad_s, -free_rad_s, 0.0), braking)
     allowed = min(allowed, max((angle_limit_rad - up) / TAPER_RAD, -1.0) * voltage_limit_V)
     allowed = max(allowed, -max((angle_limit_rad + down) / TAPER_RAD, -1.0) * voltage_limit_V)
     return min(max(allowed, min(last_V, 0.0) - slew_V), max(last_V, 0.0) + slew_V)

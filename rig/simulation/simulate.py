@@ -101,6 +101,8 @@ def bound(q, state, buffer):
             q.angle_limit,
             q.slew,
             Braking(q.delay, q.time_constant, q.top_speed),
+            0.0,
+            state.estimate.free_rate[a],
         )
 
 

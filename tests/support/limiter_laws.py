@@ -12,13 +12,13 @@ LASTS = (nan, inf, 0.0, 1.0, -1.0, 4.0, -4.0, 6.0, -6.0, 9.0)
 AGES = (0.0, STALE_S, 0.0501, inf, nan)
 
 
-def expected(wish: float, theta: float, rate: float, last: float, age_s: float) -> float:
+def expected(wish, theta, rate, last, age_s, free=0.0) -> float:
     """The promise in words, not in the limiter's own formulas."""
     if not all(map(isfinite, (wish, theta, rate, last))) or not age_s <= STALE_S:
         return 0.0  # unclear or stale
     most = {}
     for side in (1.0, -1.0):  # towards either limit
-        towards = max(side * rate, 0.0)
+        towards = max(side * rate, side * free, 0.0)  # a motor in its play is not seen
         way = DELAY_S * towards + TAU_S * towards**2 / (2 * TOP + towards)
         room = ANGLE - side * theta - way
         most[side] = V if room >= TAPER else max(room / TAPER, -1.0) * V
@@ -36,6 +36,10 @@ def laws(limit, stops) -> None:
         told = limit(wish, theta, rate, last, V, ANGLE, SLEW, stops)
         right = expected(wish, theta, rate, last, 0.0)
         assert isclose(told, right, rel_tol=1e-9, abs_tol=1e-9), (wish, theta, rate, last, told)
+    for wish, theta, rate, free in product(WISHES, THETAS, RATES[1:6], RATES[2:-2]):
+        told = limit(wish, theta, rate, 1.0, V, ANGLE, SLEW, stops, 0.0, free)
+        right = expected(wish, theta, rate, 1.0, 0.0, free)
+        assert isclose(told, right, rel_tol=1e-9, abs_tol=1e-9), (wish, theta, rate, free, told)
     for wish, age_s in product(WISHES, AGES):
         told = limit(wish, 0.1, 0.0, 2.0, V, ANGLE, SLEW, stops, age_s)
         assert told == expected(wish, 0.1, 0.0, 2.0, age_s), (wish, age_s, told)

@@ -10,7 +10,7 @@ from rig.hardware.network.remote_wire import SILENT_S, DriveRequest
 from rig.hardware.wiring import Wiring
 from rig.parameters import Servo
 from rig.safety.levelling import Levelling
-from rig.safety.limits import CATCH_TAUS, braking, limit
+from rig.safety.limits import CATCH_TAUS, braking, free_rate, limit
 from rig.safety.monitor import Fault, MonitorLimits, MonitorState, check, without
 from rig.safety.motion_watch import UNKNOWN, Both, MotionLimits
 from rig.table import Reading
@@ -29,7 +29,8 @@ class ClientWatchdog:
     While armed, the volts of the newest fresh command hold for 50 ms; after 100 ms without one the
     plate is levelled for 0.5 s, then 0 V, latched. What the loop's monitor calls a fault of the
     table ends it as well. Whatever is asked for, and 0 V too, passes the limiter, which brakes an
-    arm that would pass its angle limit, until the arms have come to rest. servo: of the table;
+    arm that would pass its angle limit, until the arms have come to rest. Zeros by which an arm has
+    been beyond its stops since they were named are wrong: there are no volts. servo: of the table;
     period_s: of its tick.
     armed, latched, homed, wiring: the present state; stale: commands that were not obeyed.
     """
@@ -43,7 +44,7 @@ class ClientWatchdog:
         self._lost: int | None = None  # the axis that showed a fault, whose encoder nobody trusts
         self._forget_motion()
         self.armed = self.latched = False
-        self.homed = False
+        self.homed = self._within = False
         self.wiring = Wiring()
         self._volts = self._given = (0.0, 0.0)
         self._now_s = self._fresh_s = self._ended_s = self._rested_s = -inf
@@ -79,6 +80,7 @@ class ClientWatchdog:
         motion = MotionLimits.of_servo(self._servo, sure_V if homed else UNKNOWN)
         self._limits = replace(self._limits, motion=motion)
         self._forget_motion()  # another zero is none
+        self._within = False
 
     def arm(self, now_s: float) -> None:
         """Arm at 0 V and end a latch; now_s: on our clock.
@@ -139,6 +141,9 @@ class ClientWatchdog:
             self._seen, fault = MonitorState(), None
         if fault is None:
             return None
+        if self._is_lost:
+            reason = f"{fault.reason} since its zero was named: home the table"
+            fault = replace(fault, level=False, reason=reason)
         self.stop(now_s)
         self._rested_s = now_s + REST_S
         if not fault.level:
@@ -153,11 +158,17 @@ class ClientWatchdog:
         rate_rad_s, self._now_s = self._rates(theta_rad, now_s), now_s
         if self.armed and now_s - self._fresh_s > SILENT_S:
             self.stop(now_s)
+        self._within = self._within or all(abs(a) <= self._limits.angle_rad for a in theta_rad)
         self._given = (0.0, 0.0)
-        if not self.rests(now_s):
+        if not (self.rests(now_s) or self._is_lost):
             x, y = self._clamped(self._wanted(theta_rad, now_s), theta_rad, rate_rad_s)
             self._given = (0.0 if self._lost == 0 else x, 0.0 if self._lost == 1 else y)
         return self._given
+
+    @property
+    def _is_lost(self) -> bool:
+        """Whether no reading yet agreed with the zeros that the user named."""
+        return self.homed and not self._within
 
     def _wanted(self, theta_rad: tuple[float, float], now_s: float) -> tuple[float, float]:
         """The volts of who holds the table: its user, or the levelling after a stop."""
@@ -169,13 +180,21 @@ class ClientWatchdog:
 
     def _forget_motion(self) -> None:
         self._last: tuple[tuple[float, float], float] | None = None  # angles, and when
-        self._rate_rad_s = (0.0, 0.0)
+        self._rate_rad_s = self._free_rad_s = (0.0, 0.0)
 
     def _rates(self, theta_rad: tuple[float, float], now_s: float) -> tuple[float, float]:
-        """Filtered rates of the arms [rad/s]; 0 before there are two ticks."""
+        """Filtered rates of the arms [rad/s], and what they would be by the volts alone; 0 before
+        there are two ticks.
+        """
         last, self._last = self._last, (theta_rad, now_s)
         if last is None or not now_s > last[1]:
             return self._rate_rad_s
+        kept = exp(-(now_s - last[1]) / self._servo.time_constant_s)
+        x, y = (
+            free_rate(before, volts, self._servo.gain_rad_s_V, kept)
+            for before, volts in zip(self._free_rad_s, self._given, strict=True)
+        )
+        self._free_rad_s = x, y
         decay = exp(-(now_s - last[1]) / RATE_FILTER_S)
         x, y = (
             decay * rate + (1 - decay) * (angle - before) / (now_s - last[1])
@@ -191,7 +210,9 @@ class ClientWatchdog:
         most = self._limit_V if self.homed else min(HOMING_LIMIT_V, self._limit_V)
         reach = self._angle_limit_rad if self.homed else inf
         x, y = (
-            limit(commanded, a, w, 0.0, most, reach, inf, self._braking)
-            for commanded, a, w in zip(volts, theta_rad, rate_rad_s, strict=True)
+            limit(commanded, a, w, 0.0, most, reach, inf, self._braking, 0.0, free)
+            for commanded, a, w, free in zip(
+                volts, theta_rad, rate_rad_s, self._free_rad_s, strict=True
+            )
         )
         return x, y

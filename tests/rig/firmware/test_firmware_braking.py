@@ -1,6 +1,6 @@
 """The real firmware under a program that asks for whatever drives the arms furthest."""
 
-from math import ceil, degrees, inf, pi, sin
+from math import ceil, degrees, inf, pi, radians, sin
 
 import numpy as np
 import pytest
@@ -47,11 +47,18 @@ LEAVES = {
 
 
 def beyond_deg(
-    board, tau_s: float, asked, seconds: float, leaves: str = "falls silent", at_s: float = inf
+    board,
+    tau_s: float,
+    asked,
+    seconds: float,
+    leaves: str = "falls silent",
+    at_s: float = inf,
+    play_deg: float = 0.0,
 ) -> float:
     """How far arm x passes its limit [degrees] while a program asks for asked(t) volts and leaves
-    at `at_s` [s]."""
-    rig = Rig(servo=Servo(time_constant_s=tau_s))
+    at `at_s` [s]; play_deg: of its gears."""
+    play = {"gear_backlash": {"x": {"play_rad": radians(play_deg)}}}
+    rig = Rig(servo=Servo(time_constant_s=tau_s), effects=play)
     parser, found = Parser(), []
     for configured in (False, True):
         if configured:
@@ -106,6 +113,14 @@ def test_at_no_frequency_does_an_arm_pass_its_limit_by_more(tau_s: float):
         found[hertz] = beyond_deg(HostBoard(), tau_s, sine(hertz), max(2.0, 2.5 / hertz))
     assert max(found.values()) < 0.5
     assert found[WORST[tau_s]] > max(found.values()) - 0.25
+
+
+@pytest.mark.parametrize("play_deg", [1.0, 3.0])
+@pytest.mark.parametrize("tau_s", WORST)
+def test_a_motor_in_the_play_of_its_gears_gathers_no_speed_that_is_too_much(tau_s, play_deg):
+    wishes = [(lambda t_s: 6.0), *(sine(hertz) for hertz in (0.5, 1.0, 2.0, 4.0))]
+    found = [beyond_deg(HostBoard(), tau_s, wish, 3.0, play_deg=play_deg) for wish in wishes]
+    assert max(found) < 0.5
 
 
 @pytest.mark.parametrize("leaves", LEAVES)

@@ -13,7 +13,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, ru
 from rig.course import Course
 from rig.parameters import Gains, Rig, Servo
 from rig.plant import plant, plant_record
-from rig.safety.limits import STALE_S, TAPER_RAD, Braking, braking, limit
+from rig.safety.limits import STALE_S, TAPER_RAD, Braking, braking, free_rate, limit
 from tests.support import limiter_laws
 from tests.support.limiter_laws import laws
 from tests.support.simulated import run
@@ -207,19 +207,27 @@ def test_an_unknown_rate_or_last_voltage_is_zero(wish, theta, rate, last, bad):
 
 @pytest.mark.parametrize("tau_s", [0.01, 0.025, 0.04, 0.06, 0.1, 0.2, 0.5])
 @pytest.mark.parametrize("swing", [False, True])
-def test_full_volts_pass_the_angle_limit_by_half_a_degree_at_most(tau_s, swing):
-    """On the plant, with the loop's own encoder and rate; asked for ever, or turned about."""
-    rig = Rig(servo=Servo(time_constant_s=tau_s))
+@pytest.mark.parametrize("play_deg", [0.0, 1.0, 3.0])
+def test_full_volts_pass_the_angle_limit_by_half_a_degree_at_most(tau_s, swing, play_deg):
+    """On the plant, with the loop's own encoder and rate; asked for ever, or turned about.
+
+    In the play of its gears the motor gathers speed that no encoder shows.
+    """
+    play = {"play_rad": math.radians(play_deg)}
+    rig = Rig(servo=Servo(time_constant_s=tau_s), effects={"gear_backlash": {"x": play}})
     p, s, history = plant_record.pack(rig), plant.rest(), plant_record.no_volts(rig)
     tick_s, count = 1 / rig.control_rate_hz, 2 * math.pi / rig.servo.encoder_counts_per_rev
     stops = braking(rig.servo, tick_s, rig.gains.torque_filter_s)
+    gain, kept = rig.servo.gain_rad_s_V, math.exp(-tick_s / tau_s)
     decay, half = math.exp(-tick_s / rig.gains.torque_filter_s), int(max(60, 3000 * tau_s))
-    last = rate = angle = widest = 0.0
+    last = rate = angle = widest = free = 0.0
     for k in range(1500):
         was, angle = angle, count * round(s[plant.ARM, 0] / count)
         rate = decay * rate + (1 - decay) * (angle - was) / tick_s
         asked = -1e308 if swing and k // half % 2 else 1e308
-        last = limit(asked, angle, rate, last, 6.0, rig.servo.angle_limit_rad, 3.0, stops)
+        free = free_rate(free, last, gain, kept)
+        limits = 6.0, rig.servo.angle_limit_rad, 3.0, stops, 0.0, free
+        last = limit(asked, angle, rate, last, *limits)
         history[1:] = history[:-1].copy()
         history[0] = last, 0.0
         plant.advance(s, p, history, k * tick_s, tick_s, 0.0, 0.0, True, np.inf, np.full(7, np.nan))
@@ -234,6 +242,7 @@ def test_full_volts_end_before_the_stop():
     n = 1500
     wild = np.where((np.arange(n)[:, None] // 300) % 2 == 0, 30.0, -30.0) * np.ones((n, 2))
     way = Course(wild, np.zeros((n, 2)), (0.0, 0.0), 0.0, True)
-    log = run(Rig(gains=Gains(servo_proportional_V_rad=1e3)), 0, way, 0).log
+    play = {"gear_backlash": {axis: {"play_rad": math.radians(3.0)} for axis in "xy"}}
+    log = run(Rig(gains=Gains(servo_proportional_V_rad=1e3), effects=play), 0, way, 0).log
     assert np.abs(log["theta_x_rad"]).max() > 0.4
     assert np.abs(log["theta_x_rad"]).max() < Rig().servo.angle_limit_rad + math.radians(0.5)

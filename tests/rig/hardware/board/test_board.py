@@ -1,5 +1,6 @@
 """What the board does by itself, and what its driver makes of it; all in lock step."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 from math import inf, pi
 
@@ -420,6 +421,21 @@ def test_a_mad_host_cannot_drive_the_plate_beyond_its_limit(volts: float, wiring
     assert 0.3 < worst < Rig().servo.angle_limit_rad + 0.04
 
 
+class FreeMotor:
+    """The speed that volts give a motor in the play of its gears, as the board has it: in whole
+    numbers, every second tick. turn: 0 or 1, in which of the two."""
+
+    def __init__(self, tau_ms: int, turn: int) -> None:
+        self._share = max(1, min(8192 // tau_ms, 2048))
+        self._gain = 2048 * (4096 * 9180 // 24544 + 1) // 6000
+        self._turn, self._lagged = turn, 0
+
+    def after(self, tick: int, mV: int) -> int:
+        if tick % 2 == self._turn:
+            self._lagged += ((32 * mV - self._lagged) * self._share) >> 12
+        return int(int(self._lagged / 256) * self._gain / 256)
+
+
 @pytest.mark.parametrize("encoder", [0, 1])
 @pytest.mark.parametrize("sign", [-1, 1])
 @pytest.mark.parametrize("tau_ms", [10, 25, 100, 500])
@@ -431,6 +447,7 @@ def test_the_board_brakes_by_the_law_of_the_loop(tau_ms: int, sign: int, encoder
         bench.request = replace(bench.request, time_constant_ms=tau_ms)
         bench.configure()
         ticks, braced = min(180, 2 * LIMIT // max(counts_ms, 1)), set()
+        motors = FreeMotor(tau_ms, 0), FreeMotor(tau_ms, 1)
 
         def at(place: int, b: Bench = bench) -> None:
             b.counts = (sign * place, 0) if encoder == 0 else (0, sign * place)
@@ -442,14 +459,17 @@ def test_the_board_brakes_by_the_law_of_the_loop(tau_ms: int, sign: int, encoder
             place = LIMIT + 12 - counts_ms * (ticks - k)
             at(place)
             bench.command(*((6.0 * sign, 0.0) if encoder == 0 else (0.0, 6.0 * sign)))
+            before_mV = round(1000 * sign * bench.board.volts()[encoder])
+            free = [motor.after(k, before_mV) * STEP_RAD / 0.256 for motor in motors]
             bench.run(1)
             if k < 100:  # its filter follows first
                 continue
             rate = counts_ms * STEP_RAD / 1e-3
             bounds = (6.0, LIMIT * STEP_RAD, inf)
-            right = limit(6.0, place * STEP_RAD, rate, 0.0, *bounds, stops)
-            assert sign * bench.board.volts()[encoder] == pytest.approx(right, abs=24 / 26)
-            braced.add(right < 6.0)
+            found = sign * bench.board.volts()[encoder]
+            right = [limit(6.0, place * STEP_RAD, rate, 0.0, *bounds, stops, 0.0, w) for w in free]
+            assert min(abs(found - one) for one in right) <= 24 / 26
+            braced.add(found < 6.0)
         assert True in braced
 
 
@@ -467,11 +487,27 @@ def most_mV(at: int, w: int, tau_ms: int, counts_per_rev: int) -> int:
 @pytest.mark.parametrize("sign", [-1, 1])
 def test_the_board_brakes_to_the_millivolt_whatever_the_arm_does(tau_ms: int, sign: int):
     """Jumps, pauses, way there and back; its speed is filtered over 16 ms, a jump cut at 100."""
+    told = list(braked(tau_ms, sign))
+    for turn in (0, 1):
+        motor, right, mV = FreeMotor(tau_ms, turn), [], 0
+        for k, (given, at, w) in enumerate(told):
+            free = sign * motor.after(k, mV)
+            right.append(most_mV(at, max(w, free), tau_ms, 4096))
+            mV = given
+        if right == [sign * given for given, *_ in told]:
+            break
+    else:
+        pytest.fail("in neither turn")
+    assert sum(-6000 < one < 6000 for one in right) > 100
+
+
+def braked(tau_ms: int, sign: int) -> Iterator[tuple[int, int, int]]:
+    """Volts [mV] of an arm that is told 6 V, and its place and speed towards that side."""
     bench, rng = Bench(armed=False), np.random.default_rng(tau_ms)
     bench.request = replace(bench.request, time_constant_ms=tau_ms)
     bench.configure()
     bench.send(Arm(bench.token, bench.sequence))
-    at, speed_sum, tapered = 0, 0, 0
+    at, speed_sum = 0, 0
     for k in range(4000):
         before = at
         at += int(rng.integers(-4, 6)) if k % 200 < 120 else 0  # and then it rests
@@ -480,10 +516,7 @@ def test_the_board_brakes_to_the_millivolt_whatever_the_arm_does(tau_ms: int, si
         bench.counts = (sign * at, 0)
         bench.command(6.0 * sign)
         bench.run(1)
-        right = most_mV(at, int(speed_sum / 16), tau_ms, 4096)
-        assert round(1000 * bench.board.volts()[0]) == sign * right, k
-        tapered += -6000 < right < 6000
-    assert tapered > 100
+        yield round(1000 * bench.board.volts()[0]), at, int(speed_sum / 16)
 
 
 @pytest.mark.parametrize("counts_per_rev", [256, 1024, 4096, 65535])

@@ -1,7 +1,7 @@
 """The guard over a served table, tick by tick, without a network: when volts flow and when not."""
 
 from contextlib import suppress
-from math import degrees, exp, inf, nan, pi, sin
+from math import degrees, exp, inf, isnan, nan, pi, sin
 
 import numpy as np
 import pytest
@@ -93,6 +93,22 @@ def test_another_zero_is_no_motion(zero_rad: float):
     for k in range(5, 60):
         assert told(one, 0.0, at_s=T + 0.002 * k)
         assert one.volts((0.0, 0.0), T + 0.002 * k) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("beyond", [0.77, -1.59, 3e6, nan])
+def test_zeros_by_which_an_arm_is_beyond_its_stops_give_no_volts(beyond: float):
+    """Else it is "led back" by full volts, into its stop."""
+    one = watchdog()
+    for k in range(3):
+        assert told(one, 0.0, at_s=T + 0.002 * k)
+        assert one.volts((beyond, 0.0), T + 0.002 * k) == (0.0, 0.0)
+    fault = one.watch(Reading(T + 0.006, (beyond, 0.0), None, None), T + 0.006)
+    assert fault is not None
+    assert not fault.level
+    assert isnan(beyond) or "zero was named: home" in fault.reason
+    for k in range(4, 500):
+        assert one.volts((beyond, 0.0), T + 0.002 * k) == (0.0, 0.0)
+    assert not one.armed
 
 
 @pytest.mark.parametrize("homed", [True, False])
@@ -347,7 +363,7 @@ def test_an_arm_far_beyond_its_limit_is_led_back_to_level():
 
 def test_an_arm_that_follows_is_left_alone():
     one = watchdog()
-    assert watched(one, [0.004 * (k % 100) for k in range(90)], 3.0)[-1] == (3.0, 0.0)
+    assert watched(one, [0.003 * k for k in range(90)], 3.0)[-1] == (3.0, 0.0)
     assert one.armed
     asleep = watchdog(armed=False)
     assert asleep.watch(Reading(T, (0.0, 0.0)), T) is None
