@@ -11,6 +11,7 @@ from rig.hardware.network.remote_wire import DriveRequest
 from rig.hardware.wiring import Wiring
 from rig.parameters import Rig, Servo
 from rig.plant import plant, plant_record
+from rig.safety.monitor import MonitorLimits
 from rig.table import Reading
 
 T = 0.0  # the server's clock, so that differences are exact; the user's shows a second less
@@ -101,7 +102,7 @@ def test_zeros_by_which_an_arm_is_beyond_its_stops_give_no_volts(beyond: float):
     one = watchdog()
     for k in range(3):
         assert told(one, 0.0, at_s=T + 0.002 * k)
-        assert one.volts((beyond, 0.0), T + 0.002 * k) == (0.0, 0.0)
+        assert one.volts((0.0, beyond), T + 0.002 * k) == (0.0, 0.0)
     fault = one.watch(Reading(T + 0.006, (beyond, 0.0), None, None), T + 0.006)
     assert fault is not None
     assert not fault.level
@@ -109,6 +110,36 @@ def test_zeros_by_which_an_arm_is_beyond_its_stops_give_no_volts(beyond: float):
     for k in range(4, 500):
         assert one.volts((beyond, 0.0), T + 0.002 * k) == (0.0, 0.0)
     assert not one.armed
+
+
+def test_an_arm_at_the_edge_of_what_can_be_is_led_back():
+    one, edge_rad = watchdog(), MonitorLimits.of_servo(SERVO, 0.002).angle_rad
+    assert one.volts((edge_rad, 0.0), T) == (-6.0, 0.0)
+
+
+def test_other_zeros_have_to_prove_true_anew():
+    one = watchdog(armed=False)
+    one.volts((0.1, 0.0), T)
+    one.configure(ODD, True)
+    one.arm(T + 0.002)
+    assert told(one, 1.0, at_s=T + 0.002)
+    assert one.volts((0.0, -0.9), T + 0.002) == (0.0, 0.0)
+
+
+def test_a_motor_in_the_play_of_its_gears_is_braked_unseen():
+    """Its arm rests where 6 V may be had; after 30 ms it would be struck at more than 4 rad/s."""
+    one, given = watchdog(), []
+    for k in range(16):
+        assert told(one, 6.0, at_s=T + 0.002 * k)
+        given.append(one.volts((0.36, 0.0), T + 0.002 * k)[0])
+    assert given[:6] == [6.0] * 6
+    w, kept = 0.0, exp(-0.002 / SERVO.time_constant_s)
+    for volts in given[:-1]:
+        w = kept * w + (1 - kept) * SERVO.gain_rad_s_V * volts
+    assert w > 4.0
+    top, delay_s = SERVO.gain_rad_s_V * 6.0, 0.02 + 1.5 * 0.002
+    room = 0.5 - 0.36 - w * delay_s - SERVO.time_constant_s * w**2 / (2 * top + w)
+    assert given[-1] == pytest.approx(6.0 * room / 0.04)
 
 
 @pytest.mark.parametrize("homed", [True, False])
