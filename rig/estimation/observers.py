@@ -41,7 +41,9 @@ ESTIMATE = np.dtype(
 ESTIMATE_SETTINGS = np.dtype(
     [
         (name, np.float64)
-        for name in "tick_s filter torque_per_volt damping inertia decay lag gain motor_gain motor_decay".split()
+        for name in (
+            "tick_s filter torque_per_volt damping inertia decay lag gain motor_gain motor_decay"
+        ).split()
     ]
 )
 
