@@ -69,8 +69,8 @@ def limit(
 
     commanded_V: what the controller asks; theta_rad, rate_rad_s: the encoder's angle and its rate;
     last_V: what was applied before; braking: a `Braking`; age_s: how old the estimate behind the
-    command is; free_rad_s: of `free_rate`. |V| <= voltage_limit_V; |V| grows by at most slew_V in a tick; 0 V where an argument
-    is not finite or age_s is above STALE_S.
+    command is; free_rad_s: of `free_rate`. |V| <= voltage_limit_V; |V| grows by at most slew_V in a
+    tick; 0 V where an argument is not finite or age_s is above STALE_S.
 
     Towards the angle limit volts are bounded by the room that is left when the arm is braked. A
     servo, tau w' = K V - w, that goes at w and gets -V_max stops after the distance

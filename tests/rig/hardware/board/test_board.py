@@ -490,11 +490,11 @@ def test_the_board_brakes_to_the_millivolt_whatever_the_arm_does(tau_ms: int, si
     told = list(braked(tau_ms, sign))
     for turn in (0, 1):
         motor, right, mV = FreeMotor(tau_ms, turn), [], 0
-        for k, (given, at, w) in enumerate(told):
+        for k, (found, at, w) in enumerate(told):
             free = sign * motor.after(k, mV)
             right.append(most_mV(at, max(w, free), tau_ms, 4096))
-            mV = given
-        if right == [sign * given for given, *_ in told]:
+            mV = found
+        if right == [sign * found for found, *_ in told]:
             break
     else:
         pytest.fail("in neither turn")
