@@ -51,7 +51,7 @@ def sizes_by_log(state: State, names: Sequence[Named]) -> tuple[SizeByLog, ...]:
         for axis, pairs in one.parameters.items():
             key = next(iter(pairs))
             sizes = tuple(_size(fit, one.name, axis, key) for fit in fits)
-            tolerance = state.nominal.parameters[f"{one.name}.{key}.{axis}"].tolerance
+            tolerance = state.nominal.of(one.name, axis)[0].tolerance
             found.append(SizeByLog(one.name, axis, key, sizes, _agree(sizes, tolerance)))
     return tuple(found)
 

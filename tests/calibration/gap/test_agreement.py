@@ -6,6 +6,7 @@ import pytest
 
 from calibration.gap.agreement import _agree, sentences, sizes_by_log
 from calibration.gap.findings import Interval, Named, SizeByLog
+from calibration.gap.model.parameters import PERIODIC
 from calibration.gap.model.state import refit
 from tests.support.gap.tables import evidence_of, foreign, released
 
@@ -61,3 +62,14 @@ def test_a_size_that_differs_by_no_more_than_a_healthy_tables_is_one_size():
     assert _agree(narrow, tolerance=0.0014)
     assert not _agree(narrow, tolerance=0.0)
     assert not _agree(narrow, tolerance=0.0001)
+
+
+@pytest.mark.parametrize("name", PERIODIC)
+def test_an_amplitude_is_compared_like_any_other_size(name: str):
+    """It is fitted as a sine and a cosine, and told under the catalogue's key."""
+    logs = [foreign("steps", seed=i, effects={}, duration_s=8.0) for i in (1, 2)]
+    state = released(evidence_of(*logs), (name, "x"))
+    named = Named(name, 1.0, (), {"x": {PERIODIC[name]: Interval(0.1, 0.0, 0.2)}})
+    (one,) = sizes_by_log(state, [named])
+    assert (one.name, one.axis, one.key) == (name, "x", PERIODIC[name])
+    assert len(one.sizes) == 2
