@@ -65,7 +65,8 @@ def _axis(runs: list[Rolling], rig: Rig, fitted: Callable[[int], None]) -> Posit
     }
     if not told_apart:
         not_seen["lag_s"] = (
-            "this motion does not part it from the dead time: lead the ball in steps"
+            "the ball does not part it from the dead time here: a longer run in which its target "
+            "jumps would"
         )
     return PositionServoAxis(
         lag_s=_not_negative(lag_s, apart[0]) if told_apart else None,

@@ -91,11 +91,16 @@ def calibrate_position_servo(
         "position_servo",
         data=found.data,
         pictures=[found.picture],
-        warnings=_not_seen(found.record),
+        warnings=_not_seen(found.record, believed),
         position_servo=found.record,
     )
     for name in "xy":
         typer.echo(f"servo {name}, by its {found.record.source}: " + sentence(found.record, name))
+    if found.record.source == "ball":
+        typer.echo(
+            f"all beside the camera's delay, taken to be {1e3 * believed.camera.delay_s:g} ms "
+            "(camera.delay_s; a rig file without it has 12 ms)"
+        )
     folder.believe(rig_file, partial(with_position_servo, record=found.record))
 
 
@@ -210,14 +215,22 @@ def sentence(record: PositionServoRecord, name: str) -> str:
     return "; ".join(parts)
 
 
-def _not_seen(record: PositionServoRecord) -> list[str]:
-    """What was not seen and why, a warning each; that of both axes once."""
+def _not_seen(record: PositionServoRecord, believed: Rig) -> list[str]:
+    """What was not seen, what it is taken to be and why, a warning each; that of both axes once."""
     lines: dict[str, list[str]] = {}
     for name in "xy":
         for key, why in getattr(record, name).not_seen.items():
-            kept = f"{WORDS[key]} kept as the rig file has it: {why}"
+            kept = f"{WORDS[key]} kept at {_as_believed(believed, key, name)}: {why}"
             lines.setdefault(kept, []).append(name)
     return [f"servo {' and '.join(names)}: {line}" for line, names in lines.items()]
+
+
+def _as_believed(rig: Rig, key: str, axis: str) -> str:
+    """A value that was not seen: the rig file's, or the default that a file without it has."""
+    scale, unit = UNITS.get(key, (1.0, ""))
+    if not unit:
+        return "that of the rig file"
+    return f"{scale * rig.servo.pair(key)['xy'.index(axis)]:.3g} {unit} (rig file or its default)"
 
 
 def _if_sure(value: Value | None) -> Value | None:
@@ -231,4 +244,10 @@ WORDS = {
     "acceleration_limit_rad_s2": "acceleration limit",
     "dead_band_rad": "dead band",
     "scale": "scale",
+}
+UNITS = {
+    "lag_s": (1e3, "ms"),
+    "rate_limit_rad_s": (1.0, "rad/s"),
+    "acceleration_limit_rad_s2": (1.0, "rad/s2"),
+    "dead_band_rad": (degrees(1), "degrees"),
 }
