@@ -72,6 +72,7 @@ def _axis(runs: list[Rolling], rig: Rig, fitted: Callable[[int], None]) -> Posit
         lag_s=_not_negative(lag_s, apart[0]) if told_apart else None,
         dead_time_s=_not_negative(late - lag_s, apart[1] if told_apart else half),
         together_s=Value.around(late, half),
+        together_off_s=whole.late_off_s,
         not_seen=not_seen,
     )
 

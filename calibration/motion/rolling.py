@@ -12,6 +12,12 @@ which is linear in x0, v0 (each window's), c and b; x0 and v0 are projected out.
 backlash and the lateness of the ball's time stamps minimise what is left (nonlinear least squares).
 Standard deviations are those of clusters, one a window (`calibration.statistics`).
 
+Two things that no rig file tells look like a lateness, too: what slows the ball, x'' = ... - d x',
+about the frequency w like one of -d/w^2 (5 ms for 0.05 1/s at 0.5 Hz), and the height h of the
+ball's centre above the plate's pivot, h phi'' in place of r phi''. Fitted with the others they
+make lateness and lag useless where the ball swings about one frequency; so d = 0 and h = r are
+taken, and told is by how much d = DRAG_1_S and h = 0 move lateness and lag (to first order).
+
 That holds the plate by the friction of its joints inside the play (theta_p is the play operator).
 Where a heavy ball's weight overcomes that friction, m g ratio |x| > F, the joint rests on the
 ball's side, theta_p = theta + alpha sgn(x).
@@ -46,6 +52,7 @@ WINDOW_S, _MIN_FRAMES, _MIN_WINDOWS = 1.0, 12, 8
 _MOST_BACKLASH_RAD, _LONGEST_LAG_S = 0.12, 0.5
 _LATE_S = (-0.15, 0.3)
 _TOUCHED = 4.0  # times the median of the windows' residuals; chosen, since noise alone gives 1.5
+DRAG_1_S = 0.05  # chosen: a rolling ball loses some percent of its speed in a second
 _MIN_TILT = 0.009  # sine of the plate's tilt: 0.05 rad of the default table's servos
 
 
@@ -68,7 +75,8 @@ class RollingFit:
     """(Value, standard deviation) of the level's slope [rad], the gain c [m/s2 per rad], the
     backlash's full width [rad], the lateness of the ball's time stamps [s] and the servo's lag [s];
     rms of the residual [m]; number of windows; whether the
-    ball's weight overcame the joint's friction."""
+    ball's weight overcame the joint's friction; by how much lateness and lag [s] may be off, as one
+    standard deviation, for what slows the ball and for its height above the pivot."""
 
     slope_rad: tuple[float, float]
     gain_m_s2: tuple[float, float]
@@ -78,6 +86,8 @@ class RollingFit:
     windows: int
     lag_s: tuple[float, float] = (0.0, inf)
     loaded: bool = False
+    late_off_s: float = 0.0
+    lag_off_s: float = 0.0
 
     @property
     def freedom(self) -> int:
@@ -258,6 +268,15 @@ class _Windows:
     def design(self, p: np.ndarray) -> tuple[list[np.ndarray], list[np.ndarray]]:
         """Of each window the columns (k, 2) J and t^2/2 and the left side (k,), without what x0
         and v0 explain, at p = (width, lateness, lag)."""
+        windows = self._motions(p)
+        return [one[:, :2] for one in windows], [one[:, 2] for one in windows]
+
+    def taken(self, p: np.ndarray) -> np.ndarray:
+        """What the left sides would be more by (m, 2) with d = DRAG_1_S, and with h = 0."""
+        return np.concatenate([one[:, 3:] for one in self._motions(p)])
+
+    def _motions(self, p: np.ndarray) -> list[np.ndarray]:
+        """Of each window J, t^2/2, the left side and the columns of `taken` (k, 5)."""
         run, ratio = self.run, self.rig.linkage.ratios[self.run.axis]
         if run.answer is not None and p[2] != self._lag_s:
             self._lag_s, self._theta = float(p[2]), run.answer(float(p[2]))
@@ -273,15 +292,16 @@ class _Windows:
         at = run.seen_s - p[1]
         moved = np.interp(at, run.t_s, place)
         turned = self.rig.ball.radius_m * ratio * np.interp(at, run.t_s, plate)
-        columns, sides = [], []
+        windows = []
         for i, j in self.spans:
             t = at[i:j] - at[i:j].mean()
             q, _ = np.linalg.qr(np.column_stack((np.ones_like(t), t)))
-            wide = np.column_stack((moved[i:j], 0.5 * t * t, run.x_m[i:j] + turned[i:j]))
-            wide = wide - q @ (q.T @ wide)
-            columns.append(wide[:, :2])
-            sides.append(wide[:, 2])
-        return columns, sides
+            x, period = run.x_m[i:j], np.diff(t)
+            way = np.concatenate(([0.0], np.cumsum(0.5 * (x[1:] + x[:-1]) * period)))
+            wide = (moved[i:j], 0.5 * t * t, x + turned[i:j], DRAG_1_S * way, -turned[i:j])
+            wide = np.column_stack(wide)
+            windows.append(wide - q @ (q.T @ wide))
+        return windows
 
 
 def _columns(made: list[_Windows], p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -319,6 +339,9 @@ def _with_deviations(
     covariance = clustered_covariance(jacobian, residual, windows)
     std = np.full(5, inf)
     std[np.concatenate(([True, True], free))] = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    more = np.concatenate([one.taken(best) for one in made])
+    off = np.zeros(5)
+    off[np.concatenate(([True, True], free))] = np.hypot(*np.linalg.lstsq(jacobian, more)[0].T)
     c, b = (float(value) for value in found)
     ratio = rig.linkage.ratios[made[0].run.axis]
     return RollingFit(
@@ -330,4 +353,6 @@ def _with_deviations(
         windows=len(sizes),
         lag_s=(float(best[2]), float(std[4])),
         loaded=any(one.loaded for one in made),
+        late_off_s=float(off[3]),
+        lag_off_s=float(off[4]),
     )

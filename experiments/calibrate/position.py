@@ -17,7 +17,7 @@ from calibration.motion.commanded_moves import Followed, check_directions, moves
 from calibration.motion.position_servo import expected_angles, fit_position_servos
 from calibration.motion.position_servo_by_ball import record_by_ball
 from calibration.motion.position_servo_by_plate import followed_by_plate, seen_by_plate
-from calibration.motion.rolling import rolling
+from calibration.motion.rolling import DRAG_1_S, rolling
 from calibration.motion.timing import Wiggle
 from calibration.records import PositionServoAxis, PositionServoRecord, Value
 from experiments.calibrate.filmed import has_plate, tilt_in_film, virtual_film
@@ -212,6 +212,12 @@ def sentence(record: PositionServoRecord, name: str) -> str:
         if value is not None:
             low, high = scale * value.low, scale * value.high
             parts.append(f"{label} {scale * value.value:.3g} ({low:.3g} to {high:.3g}) {unit}")
+    if axis.together_off_s:
+        parts.append(
+            f"beyond that {1e3 * axis.together_off_s:.2g} ms off for a ball that loses "
+            f"{100 * DRAG_1_S:g} % of its speed in a second, or a plate whose pivot is a ball's "
+            "radius from where it is taken to be"
+        )
     return "; ".join(parts)
 
 

@@ -8,10 +8,10 @@ static int32_t clamp(int32_t v, int32_t most) { return v > most ? most : v < -mo
 
 static int32_t least(int32_t a, int32_t b) { return a < b ? a : b; }
 
-static int32_t larger(int32_t a, int32_t b) { return a > b ? a : b; }
+static __attribute__((noinline)) int32_t larger(int32_t a, int32_t b) { return a > b ? a : b; }
 
 /* v / 2^times, towards zero: a division takes the chip a twentieth of a tick. */
-static int32_t halved(int32_t v, uint8_t times) {
+static __attribute__((noinline)) int32_t halved(int32_t v, uint8_t times) {
     return v < 0 ? -(int32_t)((uint32_t)-v >> times) : (int32_t)((uint32_t)v >> times);
 }
 
@@ -220,16 +220,18 @@ void board_init(board_t *b, uint8_t has_tachometer) {
     b->has_tachometer = has_tachometer;
 }
 
+static uint8_t flies(const board_t *b, int32_t at, int32_t w) {
+    int32_t way = (int32_t)((uint32_t)larger(w, 0) * b->time_constant_ms / 128);
+    return way && at + way > (int32_t)b->angle_limit;
+}
+
 /* Whether an arm, at 0 V, might pass its limit, its time constant twice the known. */
 uint8_t kind_flies(const board_t *b) {
     uint8_t e;
     if (!b->catch_ms || !(b->wired & WIRED_HOMED)) return 0;
     for (e = 0; e < 2; e++) {
         int32_t at = place(b, e), w = speed(b, e), free = free_speed(b, e);
-        int32_t up = larger(larger(w, free), 0) * b->time_constant_ms / 128;
-        int32_t down = larger(larger(-w, -free), 0) * b->time_constant_ms / 128;
-        if (up && at + up > (int32_t)b->angle_limit) return 1;
-        if (down && -at + down > (int32_t)b->angle_limit) return 1;
+        if (flies(b, at, larger(w, free)) || flies(b, -at, larger(-w, -free))) return 1;
     }
     return 0;
 }

@@ -12,10 +12,12 @@ from calibration.motion.commanded_moves import Followed, check_directions, moves
 from calibration.motion.manoeuvres import perform, rest
 from calibration.motion.position_servo import expected_angles, fit_position_servos
 from calibration.motion.position_servo_by_ball import record_by_ball
-from calibration.motion.rolling import fit_rolling, rolling
+from calibration.motion.rolling import DRAG_1_S, fit_rolling, rolling
 from experiments.calibrate.given import led_in_steps
 from experiments.runs.assemble import known, load_rig
-from rig.parameters import Ball, Rig, Servo
+from rig.linkage import Linkage
+from rig.log import Log
+from rig.parameters import Ball, CameraTiming, Rig, Servo
 from rig.simulation.simulator import SimulatedTable
 
 BUS = Servo(
@@ -188,3 +190,26 @@ def test_a_heavy_balls_weight_on_the_play_does_not_bend_the_gain():
         held = fit_rolling([rolling(log, a, rig.camera.delay_s, light)], light, late=False)
         assert not held.loaded
         assert held.rms_m > fit.rms_m
+
+
+def test_what_a_ball_that_is_slowed_makes_of_lag_and_dead_time_is_told():
+    """A textbook table (no term of the ball's height, drag of 0.15 1/s): the interval misses."""
+    rng, step_s, n, lag_s, late = np.random.default_rng(3), 0.01, 4000, 0.08, 3
+    told, seen, angle, x, v = np.zeros(n), np.zeros(n), 0.0, 0.03, 0.0
+    ratio = Linkage().ratio
+    for k in range(n):
+        target = 0.05 * np.sign(np.sin(2 * np.pi * k * step_s / 8))
+        seen[k] = x + rng.normal(0.0, 2e-4)
+        told[k] = np.clip(-(2.0 * (x - target) + 1.6 * v) / ratio * 0.5, -0.6, 0.6)
+        for _ in range(10):
+            angle += (told[max(k - late, 0)] - angle) * (1.0 - np.exp(-1e-3 / lag_s))
+            acceleration = 5 / 7 * 9.81 * ratio * np.sin(angle) - 0.15 * v
+            x, v = x + 1e-3 * v, v + 1e-3 * acceleration
+    columns = {"t_s": step_s * np.arange(n), "command_x_rad": told, "ball_x_m": seen}
+    log = Log.from_columns({"command_y_rad": 0.0 * told, "ball_y_m": 0.0 * seen, **columns})
+    rig = Rig(servo=Servo(kind="position"), camera=CameraTiming(delay_s=0.0))
+    run = rolling(log, 0, 0.0, rig)
+    found = record_by_ball([run], [run], rig).x
+    missed_s = lag_s + late * step_s - found.together_s.value
+    assert found.together_s.high < lag_s + late * step_s
+    assert missed_s < 2 * 0.15 / DRAG_1_S * found.together_off_s
