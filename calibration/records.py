@@ -153,9 +153,10 @@ class ServoRecord(Strict):
 
 class PositionServoAxis(Strict):
     """One servo that takes an angle: keys and units of `[servo]`; `scale` and `zero_rad`: angle =
-    (1 + scale) command + zero_rad; `together_s`: lag and dead time; `together_off_s`: by how much
-    that is off where the ball is slowed or its plate hangs otherwise (`calibration.motion.rolling`),
-    which the interval does not hold. None where it was not seen; `not_seen`: key -> why. `rms_rad`: what is left of the angle."""
+    (1 + scale) command + zero_rad; `together_s`: lag and dead time; `together_off_s`: how far off
+    that is where the ball is slowed or its plate hangs otherwise (`calibration.motion.rolling`),
+    which the interval does not hold. None where it was not seen; `not_seen`: key -> why.
+    `rms_rad`: what is left of the angle."""
 
     lag_s: Value | None = None
     dead_time_s: Value
