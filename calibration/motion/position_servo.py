@@ -301,7 +301,7 @@ def _record(
             values[name] = Value(value=exp(x), low=exp(x - half), high=exp(x + half))
         else:
             values[name] = Value.within(float(x), half, at_least=NUMBERS[name].low)
-    return PositionServoAxis(**values, not_seen=gone, rms_rad=left)
+    return PositionServoAxis(**values, together_off_s=None, not_seen=gone, rms_rad=left)
 
 
 def expected_angles(followed: Followed, fit: PositionServoFit, rig: Rig) -> np.ndarray:
