@@ -136,7 +136,8 @@ class ProofRow:
     """One model on held-out data: its gap by channel, in noise floors, and its error 1 s ahead, of
     the ball [mm] (None: no ball was seen) and by servo channel [degrees]."""
 
-    model: str  # "nothing added", "best rival: NAME", "unnamed term", "named: NAME + NAME"
+    model: str  # "nothing added", "best rival: NAME", "unnamed term", "named: NAME + NAME", where
+    # the verdict is undecided "supposed: NAME + NAME"
     gap: dict[str, float]
     ahead_1s_mm: float | None
     ahead_1s_deg: dict[str, float] = field(default_factory=dict)

@@ -212,7 +212,8 @@ def _proof(
             models[f"best rival: {others[0].name}"] = others[0].state
         if rivals:
             models["unnamed term"] = basis.unnamed_terms(decision.naming.before)[0].state
-        last = "named: " + " + ".join(one.name for one in decision.accepted)
+        said = "supposed" if decision.verdict == "undecided" else "named"
+        last = f"{said}: " + " + ".join(one.name for one in decision.accepted)
         models[last] = state
     elif decision.unnamed is not None:
         last = "unnamed term"
