@@ -16,7 +16,7 @@ Two things that no rig file tells look like a lateness, too: what slows the ball
 about the frequency w like one of -d/w^2 (5 ms for 0.05 1/s at 0.5 Hz), and the height h of the
 ball's centre above the plate's pivot, h phi'' in place of r phi''. Fitted with the others they
 make lateness and lag useless where the ball swings about one frequency; so d = 0 and h = r are
-taken, and told is by how much d = DRAG_1_S and h = 0 move lateness and lag (to first order).
+taken, and told is by how much d = DRAG_1_S and h = 0 move the lateness (to first order).
 
 That holds the plate by the friction of its joints inside the play (theta_p is the play operator).
 Where a heavy ball's weight overcomes that friction, m g ratio |x| > F, the joint rests on the
@@ -75,7 +75,7 @@ class RollingFit:
     """(Value, standard deviation) of the level's slope [rad], the gain c [m/s2 per rad], the
     backlash's full width [rad], the lateness of the ball's time stamps [s] and the servo's lag [s];
     rms of the residual [m]; number of windows; whether the
-    ball's weight overcame the joint's friction; by how much lateness and lag [s] may be off, as one
+    ball's weight overcame the joint's friction; by how much the lateness [s] may be off, as one
     standard deviation, for what slows the ball and for its height above the pivot."""
 
     slope_rad: tuple[float, float]
@@ -87,7 +87,6 @@ class RollingFit:
     lag_s: tuple[float, float] = (0.0, inf)
     loaded: bool = False
     late_off_s: float = 0.0
-    lag_off_s: float = 0.0
 
     @property
     def freedom(self) -> int:
@@ -340,7 +339,7 @@ def _with_deviations(
     std = np.full(5, inf)
     std[np.concatenate(([True, True], free))] = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     more = np.concatenate([one.taken(best) for one in made])
-    off = np.zeros(5)
+    off = np.zeros(5)  # of c, b and what `best` holds
     off[np.concatenate(([True, True], free))] = np.hypot(*np.linalg.lstsq(jacobian, more)[0].T)
     c, b = (float(value) for value in found)
     ratio = rig.linkage.ratios[made[0].run.axis]
@@ -354,5 +353,4 @@ def _with_deviations(
         lag_s=(float(best[2]), float(std[4])),
         loaded=any(one.loaded for one in made),
         late_off_s=float(off[3]),
-        lag_off_s=float(off[4]),
     )

@@ -27,7 +27,7 @@ from experiments.calibrate.pictures import angle_figure, level_figure_of_servo
 from experiments.progress import ProgressCall, silent
 from experiments.runs.assemble import load_rig
 from rig.log import COMMANDS, Log
-from rig.parameters import Rig
+from rig.parameters import CameraTiming, Rig
 from rig.simulation.simulator import SimulatedTable
 
 LED_S = 60.0
@@ -99,7 +99,7 @@ def calibrate_position_servo(
     if found.record.source == "ball":
         typer.echo(
             f"all beside the camera's delay, taken to be {1e3 * believed.camera.delay_s:g} ms "
-            "(camera.delay_s; a rig file without it has 12 ms)"
+            f"(camera.delay_s; a rig file without it has {1e3 * CameraTiming().delay_s:g} ms)"
         )
     folder.believe(rig_file, partial(with_position_servo, record=found.record))
 

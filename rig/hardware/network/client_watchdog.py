@@ -141,7 +141,7 @@ class ClientWatchdog:
             self._seen, fault = MonitorState(), None
         if fault is None:
             return None
-        if self._is_lost:
+        if self._zeros_are_wrong:
             reason = f"{fault.reason} since its zero was named: home the table"
             fault = replace(fault, level=False, reason=reason)
         self.stop(now_s)
@@ -160,13 +160,13 @@ class ClientWatchdog:
             self.stop(now_s)
         self._within = self._within or all(abs(a) <= self._limits.angle_rad for a in theta_rad)
         self._given = (0.0, 0.0)
-        if not (self.rests(now_s) or self._is_lost):
+        if not (self.rests(now_s) or self._zeros_are_wrong):
             x, y = self._clamped(self._wanted(theta_rad, now_s), theta_rad, rate_rad_s)
             self._given = (0.0 if self._lost == 0 else x, 0.0 if self._lost == 1 else y)
         return self._given
 
     @property
-    def _is_lost(self) -> bool:
+    def _zeros_are_wrong(self) -> bool:
         """Whether no reading yet agreed with the zeros that the user named."""
         return self.homed and not self._within
 

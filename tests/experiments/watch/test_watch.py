@@ -131,6 +131,16 @@ def test_a_run_counts_once_however_often_it_was_copied(runs: Path, tmp_path: Pat
     assert runs_of(tmp_path)[-1].why == "is the same run as d"  # no way around a rejection
 
 
+def test_a_run_without_its_samples_is_skipped_and_the_next_is_taken(runs: Path, tmp_path: Path):
+    first, second, *_ = sorted(path for path in runs.iterdir() if path.is_dir())
+    for name, source in (("a", first), ("b", second)):
+        shutil.copytree(source, tmp_path / name)
+    (tmp_path / "a" / "samples.mcap").unlink()
+    found = runs_of(tmp_path)
+    assert [one.why for one in found] == ["is damaged: it has no samples.mcap", ""]
+    assert [one.name for one in accepted_of(found, (), tmp_path)] == ["b"]
+
+
 def test_an_edited_protocol_of_the_same_name_is_another(tmp_path: Path):
     """Smaller and shorter steps moved the estimate of a time constant by a quarter."""
     protocol = {"name": "steps", "duration_s": 30.0, "reference": {"shape": "steps", "a": 0.045}}

@@ -205,36 +205,63 @@ def test_an_unknown_rate_or_last_voltage_is_zero(wish, theta, rate, last, bad):
     assert limit(wish, theta, rate, bad, 6.0, 0.5, 3.0, STOPS) == 0.0
 
 
-@pytest.mark.parametrize("tau_s", [0.01, 0.025, 0.04, 0.06, 0.1, 0.2, 0.5])
-@pytest.mark.parametrize("swing", [False, True])
-@pytest.mark.parametrize("play_deg", [0.0, 1.0, 3.0])
-def test_full_volts_pass_the_angle_limit_by_half_a_degree_at_most(tau_s, swing, play_deg):
-    """On the plant, with the loop's own encoder and rate; asked for ever, or turned about.
-
-    In the play of its gears the motor gathers speed that no encoder shows.
-    """
-    play = {"play_rad": math.radians(play_deg)}
-    rig = Rig(servo=Servo(time_constant_s=tau_s), effects={"gear_backlash": {"x": play}})
+def beyond_deg(tau_s: float, asked, seconds: float, gear_deg: float, joint_deg: float = 0.0):
+    """How far arm x passes its limit [degrees] on the plant, with the loop's own encoder and rates,
+    while asked(t) volts are wished for; gear_deg, joint_deg: play, unknown to the limiter."""
+    effects = {
+        "gear_backlash": {"x": {"play_rad": math.radians(gear_deg)}},
+        "joint_backlash": {"x": {"play_rad": math.radians(joint_deg)}},
+    }
+    rig = Rig(servo=Servo(time_constant_s=tau_s), effects=effects)
     p, s, history = plant_record.pack(rig), plant.rest(), plant_record.no_volts(rig)
     tick_s, count = 1 / rig.control_rate_hz, 2 * math.pi / rig.servo.encoder_counts_per_rev
     stops = braking(rig.servo, tick_s, rig.gains.torque_filter_s)
     gain, kept = rig.servo.gain_rad_s_V, math.exp(-tick_s / tau_s)
-    decay, half = math.exp(-tick_s / rig.gains.torque_filter_s), int(max(60, 3000 * tau_s))
+    decay = math.exp(-tick_s / rig.gains.torque_filter_s)
     last = rate = angle = widest = free = 0.0
-    for k in range(1500):
+    for k in range(round(seconds / tick_s)):
         was, angle = angle, count * round(s[plant.ARM, 0] / count)
         rate = decay * rate + (1 - decay) * (angle - was) / tick_s
-        asked = -1e308 if swing and k // half % 2 else 1e308
         free = free_rate(free, last, gain, kept)
         limits = 6.0, rig.servo.angle_limit_rad, 3.0, stops, 0.0, free
-        last = limit(asked, angle, rate, last, *limits)
+        last = limit(asked(k * tick_s), angle, rate, last, *limits)
         history[1:] = history[:-1].copy()
         history[0] = last, 0.0
         plant.advance(s, p, history, k * tick_s, tick_s, 0.0, 0.0, True, np.inf, np.full(7, np.nan))
         widest = max(widest, abs(s[plant.ARM, 0]))
-    over_deg = math.degrees(widest - rig.servo.angle_limit_rad)
+    return math.degrees(widest - rig.servo.angle_limit_rad)
+
+
+@pytest.mark.parametrize("tau_s", [0.01, 0.025, 0.04, 0.06, 0.1, 0.2, 0.5])
+@pytest.mark.parametrize("swing", [False, True])
+@pytest.mark.parametrize("play_deg", [0.0, 1.0, 3.0])
+def test_full_volts_pass_the_angle_limit_by_half_a_degree_at_most(tau_s, swing, play_deg):
+    """Asked for ever, or turned about. In the play of its gears the motor gathers speed that no
+    encoder shows."""
+    half_s = 0.002 * int(max(60, 3000 * tau_s))
+
+    def asked(t_s: float) -> float:
+        return -1e308 if swing and int(t_s / half_s + 1e-6) % 2 else 1e308
+
+    over_deg = beyond_deg(tau_s, asked, 3.0, play_deg)
     assert over_deg < 0.5
     assert over_deg > -1.0 or swing  # the angles up to the limit can be used
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("tau_s", [0.01, 0.025, 0.06, 0.1, 0.2, 0.5])
+@pytest.mark.parametrize("plays_deg", [(0.0, 3.0), (1.0, 0.0), (3.0, 0.0), (3.0, 3.0)])
+def test_no_sine_and_no_square_of_full_volts_passes_it_by_more(tau_s, plays_deg):
+    for hertz in (0.0, 0.3, 0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0):
+
+        def sine(t_s: float, hertz: float = hertz) -> float:
+            return 6.0 * math.sin(2 * math.pi * hertz * t_s) if hertz else 6.0
+
+        def square(t_s: float, hertz: float = hertz) -> float:
+            return math.copysign(6.0, sine(t_s, hertz))
+
+        assert beyond_deg(tau_s, sine, 5.0, *plays_deg) < 0.5, hertz
+        assert beyond_deg(tau_s, square, 5.0, *plays_deg) < 0.5, hertz
 
 
 def test_full_volts_end_before_the_stop():
