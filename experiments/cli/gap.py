@@ -139,10 +139,17 @@ def _investigate_and_report(
     if json_file is not None:
         write_json(json_file, found.to_json())
     names, origin = [path.name for path in logs], origin_words(logs, demo=bool(truth))
+    here = any(path.is_dir() or path.suffix == ".mcap" for path in logs)
     page = write_findings(
-        found, folder, names=names, rig_file=rig_file, origin=origin, remark=truth
+        found,
+        folder,
+        names=names,
+        rig_file=rig_file,
+        origin=origin,
+        remark=truth,
+        recorded_here=here,
     )
-    for line in summary_lines(found):
+    for line in summary_lines(found, recorded_here=here):
         say(line)
     say(f"report: {page}   numbers: {folder / 'results.json'}")
     return found

@@ -5,7 +5,7 @@ from contextlib import suppress
 from dataclasses import replace
 from math import degrees
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from calibration.gap.agreement import sentences
 from calibration.gap.findings import Findings, Named
@@ -44,7 +44,7 @@ def origin_words(logs: Sequence[Path], *, demo: bool = False) -> str:
 
 
 def write_findings(
-    found: Findings, folder: Path, *, names: Sequence[str], rig_file: Path | None = None, **of: str
+    found: Findings, folder: Path, *, names: Sequence[str], rig_file: Path | None = None, **of: Any
 ) -> Path:
     """Write all files of an analysis in `folder`, and return the path of the page gap.html.
 
@@ -66,12 +66,14 @@ def write_gap_report(
     rig_file: Path | None = None,
     origin: str = "",
     remark: str = "",
+    recorded_here: bool = True,
 ) -> Path:
     """Write gap.html, self-contained, and its figures (PNG) in `folder`; return the page's path.
 
     names: of the logs; rig_file: the one that was given, which the page names; origin: as of
     `origin_words`; remark: a sentence before the summary, on what was hidden or on runs that do not
-    suffice. OSError: the folder cannot be written.
+    suffice; recorded_here: whether runs of this rig are among the logs, so that it can make more.
+    OSError: the folder cannot be written.
     """
     folder.mkdir(parents=True, exist_ok=True)
     known = found.known
@@ -82,7 +84,7 @@ def write_gap_report(
             name_stage(found, folder),
             add_stage(found, names),
             prove_stage(found, folder),
-            next_stage(found, next_command),
+            next_stage(found, next_command if recorded_here else command_of_files),
         )
     ]
     by_log = set(sentences(found.by_log, names))  # a table of its own tells them
@@ -153,6 +155,11 @@ def next_command(protocol: str) -> str:
         f"rig run {protocol} --arm with --rig rig.toml --out next\n"
         "rig gap LOG... next/runs/* --rig rig.toml"
     )
+
+
+def command_of_files(_protocol: str) -> str:
+    """The same for recordings that another program made, and which it has to make again."""
+    return "rig gap LOG... NEW --rig rig.toml"
 
 
 def summary(found: Findings) -> list[str]:

@@ -17,6 +17,7 @@ from experiments.gap.words import (
     smallest_words,
 )
 from experiments.reports.report import Block, Code, Picture, Pictures, Section, Table
+from experiments.runs.protocol import read_protocol
 from rig.parameters import CHANNELS
 
 
@@ -239,8 +240,10 @@ def next_stage(found: Findings, command: Callable[[str], str]) -> Section:
         if plan.separation
         else ""
     )
+    asked = read_protocol(plan.protocol).title
     text = (
         f"Run the protocol {plan.protocol} ({sig(plan.seconds)} s on the rig): it separates {one} "
-        f"from {other} best.{expected} Then give the new run to rig gap together with these logs."
+        f"from {other} best.{expected} Where the protocol cannot be run, record the like of it: "
+        f"{asked[:1].lower()}{asked[1:]}. Then give the new run to rig gap with these logs."
     )
     return Section("Next", [text, Code(command(plan.protocol))], question)

@@ -13,15 +13,17 @@ from experiments.gap.words import (
     floors,
     percent,
     recalibration,
-    smallest_words,
 )
 from rig.effects import BY_NAME, Effect
 
 UNTESTABLE_SHOWN, NOTES_SHOWN, WHERE_SHOWN = 4, 3, 2
 
 
-def summary_lines(found: Findings) -> list[str]:
-    """Lines for a terminal: verdict, where, effects, gap, servo, limits, next experiment, notes."""
+def summary_lines(found: Findings, *, recorded_here: bool = True) -> list[str]:
+    """Lines for a terminal: verdict, where, effects, gap, servo, limits, next experiment, notes.
+
+    recorded_here: as of `experiments.gap.report.write_gap_report`.
+    """
     lines = [f"{found.verdict}{_sure(found)}: {found.sentence}"]
     for w in found.where[:WHERE_SHOWN]:
         lines.append(_line("where", f"{channel_words(w.channel)}, {w.region}: gap {floors(w.gap)}"))
@@ -35,18 +37,17 @@ def summary_lines(found: Findings) -> list[str]:
     lines += _servo_lines(found)
     if found.untestable:
         shown = found.untestable[:UNTESTABLE_SHOWN]
-        sizes = [smallest_words(u.name, u.smallest, found.known) for u in shown]
-        names = [
-            f"{u.name} ({size})" if u.smallest else u.name
-            for u, size in zip(shown, sizes, strict=True)
-        ]
+        names = [f"{u.name} ({u.why})" for u in shown]
         more = len(found.untestable) - len(names)
         names += [f"{more} more"] if more > 0 else []
         lines.append(_line("cannot see", ", ".join(names)))
     if found.next_experiment is not None:
         n = found.next_experiment
         told = " from ".join(n.separates)
-        lines.append(_line("next", f"rig run {n.protocol} ({sig(n.seconds)} s) tells {told}"))
+        asked = f"rig run {n.protocol}"
+        if not recorded_here:
+            asked = f"a recording like the protocol {n.protocol}"
+        lines.append(_line("next", f"{asked} ({sig(n.seconds)} s) tells {told}"))
     lines += [_line("note", note) for note in found.notes[:NOTES_SHOWN]]
     if len(found.notes) > NOTES_SHOWN:
         lines.append(_line("note", f"{len(found.notes) - NOTES_SHOWN} more in the report"))

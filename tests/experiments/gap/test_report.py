@@ -204,6 +204,16 @@ def test_a_summary_is_short_and_says_the_same(pages):
     )
 
 
+def test_owners_of_files_are_told_what_to_record(tmp_path):
+    lines = "\n".join(summary_lines(rivals(), recorded_here=False))
+    assert "a recording like the protocol steps (30 s) tells camera_delay" in lines
+    page = write_gap_report(rivals(), tmp_path, names=["old.csv"], recorded_here=False)
+    text = words(page.read_text(encoding="utf-8"))
+    assert "record the like of it: random steps" in text
+    assert "rig gap LOG... NEW --rig rig.toml" in text
+    assert "rig run" not in text.partition("Which experiment")[2]
+
+
 def test_many_notes_are_counted():
     lines = summary_lines(replace(no_motion(), notes=tuple("abcdefg")))
     assert lines[-1] == "  note       4 more in the report"
