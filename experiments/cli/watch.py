@@ -28,9 +28,9 @@ def watch(
     from experiments.records.run_folder import results_folder
     from experiments.watch.report import write_watch
     from experiments.watch.runs import runs_of
-    from experiments.watch.watch import SKIPPED
+    from experiments.watch.watch import ACCEPTED, SKIPPED
     from experiments.watch.watch import watch as work
-    from experiments.watch.words import run_words, sentence
+    from experiments.watch.words import run_words, sentence, statistic_words
 
     runs_of(folder)
     made = results_folder(out)
@@ -40,10 +40,12 @@ def watch(
     options += [word for name in accept or () for word in ("--accept", name)]
     command = shlex.join(map(str, ("rig", "watch", folder, *options)))
     page = write_watch(found, made, command=command)
+    if not accept:
+        first = next(one.run.name for one in found.runs if one.state == ACCEPTED)
+        say(f"taken as accepted: {first}, the first run that counts (another: --accept RUN)")
     for one in found.runs:
-        said = run_words(found, one)
-        statistic = f"{abs(one.strongest.z):5.2f}" if one.strongest else "     "
-        say(f"{one.run.name}  {one.state:9s} {statistic}  {said}".rstrip())
+        said = "; ".join(filter(None, (run_words(found, one), statistic_words(found, one))))
+        say(f"{one.run.name}  {one.state:9s}  {said}".rstrip())
     skipped = sum(one.state == SKIPPED for one in found.runs)
     say(sentence(found) + (f" ({skipped} skipped)" if skipped else ""))
     say(f"report: {page}   numbers: {out / 'results.json'}")

@@ -70,6 +70,13 @@ def run_words(found: Watch, one: JudgedRun) -> str:
     return printable("; ".join(filter(None, said)))
 
 
+def statistic_words(found: Watch, one: JudgedRun) -> str:
+    """The statistic of a judged run beside that from which a change is told; "" of others."""
+    if one.strongest is None:
+        return ""
+    return f"statistic {abs(one.strongest.z):.2f}, a change from {found.threshold:.2f}"
+
+
 def _judged_words(found: Watch, one: JudgedRun) -> str:
     if one.state == SKIPPED:
         return one.why
