@@ -77,11 +77,18 @@ def reproduce(
         results = work(table, folder, seed=seed, frames=frames, progress=progress)
     for claim in results["claims"]:
         say(_claim_line(claim))
+    words = [_claim_word(claim) for claim in results["claims"]]
+    told = ", ".join(f"{words.count(word)} {word}" for word in dict.fromkeys(words))
+    say(f"claims of the paper: {told} (improvement: without - with compensation [95 %])")
     say(f"report: {out / 'report.html'}   numbers: {out / 'results.json'}")
 
 
+def _claim_word(claim: dict) -> str:
+    return {True: "holds", False: "fails", None: "undecided"}[claim["holds"]]
+
+
 def _claim_line(claim: dict) -> str:
-    word = {True: "holds", False: "fails", None: "undecided"}[claim["holds"]]
+    word = _claim_word(claim)
     from experiments.reports.figures import shown_unit
 
     if not claim["runs"]:
@@ -90,7 +97,8 @@ def _claim_line(claim: dict) -> str:
     factor, unit = shown_unit(claim["unit"])
     effect, low, high = (f"{factor * claim[key]:+.3f}" for key in ("effect", "low", "high"))
     numbers = f"{effect} [{low}, {high}] {unit}"
-    return f"{word:9s} Fig. {claim['figure']:>2s}  {claim['claim']}: {numbers}, n = {claim['runs']}"
+    told = f"{numbers} (matters from {factor * claim['relevant']:.2g}), n = {claim['runs']}"
+    return f"{word:9s} Fig. {claim['figure']:>2s}  {claim['claim']}: {told}"
 
 
 @app.command()

@@ -118,11 +118,12 @@ def _figure_runs(rig: Rig, out: Path, seed: int, bundle: Path | None, progress: 
     wanted += [("14", release, arm, seed + i) for i in range(1, 5) for arm in ARMS]
     requests = [RunRequest(rig, p, arm, s, runs, bundle) for _, p, arm, s in wanted]
     stage = "runs through frames" if bundle else "runs"
-    progress(stage, 0, len(requests))
+    progress(f"{stage}: the first compiles the program" if bundle else stage, 0, len(requests))
     jobs = Parallel(n_jobs=min(2, cpu_count() or 1), return_as="generator")
     first = jobs([delayed(run)(requests[0])])  # compiles what sees, before two processes would
     simulate_run(requests[0])  # compiles beside it what only simulates
     done: list = list(first)
+    progress(stage, len(done), len(requests))
     for one in jobs(delayed(run)(request) for request in requests[1:]):
         done.append(one)
         progress(stage, len(done), len(requests))
