@@ -29,8 +29,8 @@ def legend(what: str) -> str:
     """What is drawn, and in which colours, as HTML."""
     return (
         f'<div style="{TEXT}">{what}: '
-        f'<b style="color: {X}">x</b>, <b style="color: {Y}">y</b>; - - set point '
-        "(play: - - of the joint, full of the gear)</div>"
+        f'<b style="color: {X}">x</b>, <b style="color: {Y}">y</b>; dashed: the set point; '
+        "of the play: full line gear, dashed joint</div>"
     )
 
 
