@@ -68,6 +68,7 @@ def reproduce(
     """Reproduce the paper's study on the virtual rig. Makes its figures, a
     report and results.json."""
     from experiments.cli.console import bars
+    from experiments.paper.claims import VERDICT_WORDS
     from experiments.paper.reproduce import reproduce as work
     from experiments.records.run_folder import results_folder
     from experiments.runs.assemble import load_rig
@@ -77,20 +78,17 @@ def reproduce(
         results = work(table, folder, seed=seed, frames=frames, progress=progress)
     for claim in results["claims"]:
         say(_claim_line(claim))
-    words = [_claim_word(claim) for claim in results["claims"]]
-    told = ", ".join(f"{words.count(word)} {word}" for word in dict.fromkeys(words))
+    verdicts = [claim["holds"] for claim in results["claims"]]
+    told = ", ".join(f"{word} {verdicts.count(holds)}" for holds, word in VERDICT_WORDS.items())
     say(f"claims of the paper: {told} (improvement: without - with compensation [95 %])")
     say(f"report: {out / 'report.html'}   numbers: {out / 'results.json'}")
 
 
-def _claim_word(claim: dict) -> str:
-    return {True: "holds", False: "fails", None: "undecided"}[claim["holds"]]
-
-
 def _claim_line(claim: dict) -> str:
-    word = _claim_word(claim)
+    from experiments.paper.claims import VERDICT_WORDS
     from experiments.reports.figures import shown_unit
 
+    word = VERDICT_WORDS[claim["holds"]]
     if not claim["runs"]:
         told = "no completed pair of runs gives this measure on this table"
         return f"{word:9s} Fig. {claim['figure']:>2s}  {claim['claim']}: {told}"

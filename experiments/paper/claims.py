@@ -73,6 +73,10 @@ def compare_conditions(rows: Rows, measure: str, seed: int, *, rival: str = "wit
     return asdict(result) | {"unit": unit} | means
 
 
+# What is said of `holds`, as `judge` gives it.
+VERDICT_WORDS = {True: "holds", False: "fails", None: "undecided"}
+
+
 def judge(table: Mapping[str, Rows], seed: int) -> list[dict]:
     """Test every claim; the results as results.json holds them, with p-values corrected by Holm.
 

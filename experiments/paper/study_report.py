@@ -10,6 +10,7 @@ from experiments.analysis.regime import regime_sentence
 from experiments.paper.alternative_explanations import little_friction
 from experiments.paper.alternatives_report import alternatives_section
 from experiments.paper.centroid_report import centroid_facts, centroid_section
+from experiments.paper.claims import VERDICT_WORDS
 from experiments.reports import figures
 from experiments.reports.figures import save, shown_unit, verdict_word
 from experiments.reports.report import (
@@ -166,7 +167,7 @@ def claims_section(claims: Sequence[Mapping]) -> Section:
         "for all tests, and decides nothing. A pair in which a run did not complete is left out. "
         "Before its release the ball is held while the controller already tilts the plate."
     )
-    verdicts = [{True: "holds", False: "fails", None: "undecided"}[c["holds"]] for c in claims]
+    verdicts = [VERDICT_WORDS[c["holds"]] for c in claims]
     rows = [_claim_row(c, verdict) for c, verdict in zip(claims, verdicts, strict=True)]
     head = ["Fig.", "claim", "verdict", "without", "with", "improvement [95 %]"]
     head += ["smallest that matters", "pairs", "p (Holm)"]
