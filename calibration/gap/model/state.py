@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calibration.gap.decision_rule import PENALTY_PER_PARAMETER
-from calibration.gap.model.data import Evidence
+from calibration.gap.model.data import OUTPUTS, Evidence
 from calibration.gap.model.fit import ITERATIONS, ParameterFit, evaluate, fit
 from calibration.gap.model.kept_fits import key_of
 from calibration.gap.model.noise import estimate, least_noise
@@ -77,6 +77,14 @@ def outputs_of(effect: Effect, axes: Iterable[str]) -> tuple[str, ...]:
     if effect.side == IN_BOTH or "xy" in axes:
         return SERVO
     return tuple(f"servo_{axis}" for axis in axes)
+
+
+def moved_by(nominal: NominalModel, keys: Iterable[Key]) -> tuple[str, ...]:
+    """The outputs that the parameters of the effects `keys` (effect, axis) move: those in which
+    `outputs_of` looks for them and, of a joint's play whose friction loads the motors, the servos',
+    whose K, tau and noise are others without it."""
+    moved = {p for name, axis in keys for k in nominal.of(name, axis) for p in k.outputs}
+    return tuple(output for output in OUTPUTS if output in moved)
 
 
 def refit(
@@ -178,8 +186,8 @@ def drop_effects(state: State, keys: Iterable[Key]) -> State:
     """The state with the effects `keys` (effect, axis) back inside their tolerance boxes,
     refitted."""
     keys = set(keys)
-    known = state.nominal.catalogue
-    outputs = {p for name, axis in keys for p in outputs_of(known[name], (axis,))}
+    known = set(state.evidence.outputs)
+    outputs = [output for output in moved_by(state.nominal, keys) if output in known]
     parameters = state.nominal.parameters
     setting = {
         name: value

@@ -23,7 +23,7 @@ from calibration.gap.decision_rule import (
 )
 from calibration.gap.model.fit import evaluate
 from calibration.gap.model.parameters import PERIODIC, SETTLING_KEY, released
-from calibration.gap.model.state import Key, State, refit, settle
+from calibration.gap.model.state import Key, State, moved_by, refit, settle
 from calibration.gap.name.candidates import (
     Start,
     fastest,
@@ -165,8 +165,8 @@ def _release(state: State, name: str, chosen: list[Screened]) -> CandidateFit:
     out not to be identified, where another axis is left."""
     axes = tuple(one.axis for one in chosen)
     keys = tuple((name, axis) for axis in axes)
-    felt = {output for axis in axes for k in state.nominal.of(name, axis) for output in k.outputs}
-    outputs = tuple(output for output in state.evidence.outputs if output in felt)
+    felt = moved_by(state.nominal, keys)
+    outputs = tuple(output for output in felt if output in state.evidence.outputs)
     starts = [
         {k: v for one in chosen for k, v in getattr(one, which).items()}
         for which in ("start", "tried")

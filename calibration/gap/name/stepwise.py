@@ -39,6 +39,7 @@ from calibration.gap.model.state import (
     baseline,
     cheaper,
     drop_effects,
+    moved_by,
     outputs_of,
     settle,
     with_levels,
@@ -168,7 +169,7 @@ def _selected(state: State, skip: Sequence[Key], tell: Tell = untold) -> _Select
         ):
             break
         best = worth[0]
-        outputs = outputs_of(state.nominal.catalogue[best.name], best.axes)
+        outputs = moved_by(state.nominal, best.keys)
         total += best.score
         for o in set(outputs) & set(state.fit.costs):
             fall = state.fit.costs[o] - best.state.fit.costs[o]
@@ -280,7 +281,7 @@ def backward_step(
     own = CandidateFit(name, tuple(axis for _, axis in keys), state, bare.fit.cost - state.fit.cost)
     if fits and fits[0].score > own.score and fits[0].score >= NAME_THRESHOLD:
         winner = fits[0]
-        state = settle(winner.state, outputs_of(known[winner.name], winner.axes))
+        state = settle(winner.state, moved_by(state.nominal, winner.keys))
         fits = [own, *fits[1:]]
         own = replace(winner, state=state)  # settled, it may no longer be of a size that counts
     if own.score < NAME_THRESHOLD:

@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 
 from calibration.gap.model.fit import evaluate
-from calibration.gap.model.state import plain, refit, settle
+from calibration.gap.model.parameters import NominalModel
+from calibration.gap.model.state import State, drop_effects, moved_by, plain, refit, settle
 from rig.discrepancy import Discrepancy
-from tests.support.gap.tables import evidence_of, foreign, released
+from tests.support.gap.tables import RIG, evidence_of, foreign, released
 
 
 def test_a_state_without_its_unnamed_term_is_predicted_without():
@@ -20,3 +21,17 @@ def test_a_state_without_its_unnamed_term_is_predicted_without():
     assert found.nominal.rig.unknown == Discrepancy()
     again = evaluate(found.evidence, found.nominal, found.fit.setting, found.evidence.outputs)
     np.testing.assert_array_equal(found.fit.z("servo_x"), again.z("servo_x"))
+
+
+def test_a_play_that_is_dropped_is_dropped_from_the_servo_that_it_freed():
+    """Friction holds the plate while its arm turns through the joint's play: the servo feels it."""
+    hidden = {"joint_backlash": {"x": {"play_rad": 0.03}}}
+    evidence = evidence_of(foreign("steps", seed=4, effects=hidden, duration_s=8.0))
+    nominal, key = NominalModel(RIG, load_friction=True), ("joint_backlash", "x")
+    assert moved_by(nominal, [key]) == ("servo_x", "ball")
+    played = {"joint_backlash.play_rad.x": 0.03}
+    at = evaluate(evidence, nominal, played, evidence.outputs)
+    bare = drop_effects(State(evidence, nominal, at, (key,)), [key])
+    again = evaluate(bare.evidence, nominal, bare.fit.setting, evidence.outputs)
+    assert bare.fit.costs == again.costs
+    assert bare.fit.setting[".time_constant_s.x"] != nominal.rig.servo.time_constant_s
