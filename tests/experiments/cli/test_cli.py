@@ -52,6 +52,24 @@ def test_run_report_export_import(capsys, tmp_path: Path, quick: str):
     capsys.readouterr()
 
 
+def test_reproduce_says_of_each_claim_what_matters_and_counts_the_verdicts(
+    capsys, monkeypatch, tmp_path: Path
+):
+    def claim(holds: bool | None, runs: int) -> dict:
+        sizes = {"effect": 0.004, "low": 0.003, "high": 0.005, "relevant": 0.001}
+        return {"holds": holds, "figure": "10", "claim": "C", "unit": "m", "runs": runs} | sizes
+
+    claims = [claim(True, 6), claim(True, 6), claim(False, 6), claim(None, 0)]
+    monkeypatch.setattr(
+        "experiments.paper.reproduce.reproduce", lambda *given, **more: {"claims": claims}
+    )
+    assert call("reproduce", "--out", str(tmp_path)) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == ("holds     Fig. 10  C: +4.000 [+3.000, +5.000] mm (matters from 1), n = 6")
+    assert lines[3].startswith("undecided Fig. 10  C: no completed pair of runs")
+    assert lines[4].startswith("claims of the paper: holds 2, fails 1, undecided 1 (")
+
+
 def test_effects_lists_the_whole_catalogue(capsys):
     assert call("effects") == 0
     shown = capsys.readouterr().out

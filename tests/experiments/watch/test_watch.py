@@ -77,6 +77,11 @@ def test_a_loose_joint_is_told_with_run_name_and_size(runs, tmp_path: Path):
     assert "joint play x grew by" in page
     assert page.count("<tr") >= 12
     assert "joint play x" in out
+    assert (
+        f"taken as accepted: {found['accepted'][0]}, the first run that counts (another: --accept RUN)"
+        in out
+    )
+    assert f", a change from {found['threshold']:.2f}" in out
     begin = found["runs"][0]["values"]  # of the accepted run: what the figure shows, too
     shown = re.findall(r"<td>(?:V|ms)</td><td class=\"n\">([^<]*)</td>", page)
     inside = [p["unit"] in ("V", "s") for p in found["parameters"]]
@@ -95,6 +100,7 @@ def test_a_repaired_table_is_judged_from_the_run_that_is_accepted(runs, tmp_path
     assert found["accepted"] == [begin]
     assert "before the accepted" in found["runs"][0]["why"]
     assert "nothing changed in 2 runs" in out
+    assert "taken as accepted" not in out  # it was said which
 
 
 def test_runs_are_in_order_and_the_first_whole_one_is_accepted(runs: Path):
