@@ -56,8 +56,8 @@ def test_reproduce_says_of_each_claim_what_matters_and_counts_the_verdicts(
     capsys, monkeypatch, tmp_path: Path
 ):
     def claim(holds: bool | None, runs: int) -> dict:
-        sizes = {"effect": 0.004, "low": 0.003, "high": 0.005, "relevant": 0.001}
-        return {"holds": holds, "figure": "10", "claim": "C", "unit": "m", "runs": runs} | sizes
+        sizes = {"effect": 0.4, "low": 0.3, "high": 0.5, "relevant": 0.1}
+        return {"holds": holds, "figure": "10", "claim": "C", "unit": "cm", "runs": runs} | sizes
 
     claims = [claim(True, 6), claim(True, 6), claim(False, 6), claim(None, 0)]
     monkeypatch.setattr(
@@ -65,7 +65,9 @@ def test_reproduce_says_of_each_claim_what_matters_and_counts_the_verdicts(
     )
     assert call("reproduce", "--out", str(tmp_path)) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert lines[0] == ("holds     Fig. 10  C: +4.000 [+3.000, +5.000] mm (matters from 1), n = 6")
+    assert lines[0] == (
+        "holds     Fig. 10  C: +0.400 [+0.300, +0.500] cm (matters from 0.1), n = 6"
+    )
     assert lines[3].startswith("undecided Fig. 10  C: no completed pair of runs")
     assert lines[4].startswith("claims of the paper: holds 2, fails 1, undecided 1 (")
 
