@@ -81,6 +81,31 @@ def test_nothing_is_cut_off_on_a_phone_or_on_paper(chromium, page_file):
     assert paper.get_by_text("+0.1 vs retuned 4.5, 5: ha").last.is_visible()  # folded on the screen
 
 
+FADES = """one => { const style = getComputedStyle(one);
+  return ["--fade-start", "--fade-end"].map(name => parseFloat(style.getPropertyValue(name))); }"""
+
+
+def faded(page, box) -> tuple[float, float]:
+    """How far the left and the right edge of a box fade out [px], once that is drawn."""
+    page.wait_for_timeout(200)
+    left, right = box.evaluate(FADES)
+    return left, right
+
+
+@pytest.mark.parametrize("touch", [False, True])
+def test_a_table_that_goes_on_fades_out_there(chromium, page_file, touch):
+    phone = opened(chromium, page_file, 390, is_mobile=touch, has_touch=touch)
+    box = phone.locator(".scroll", has_text="run 0").first
+    assert "linear-gradient" in box.evaluate("one => getComputedStyle(one).maskImage")
+    assert faded(phone, box) == (0, 64)
+    box.evaluate("one => one.scrollLeft = one.scrollWidth / 2 - one.clientWidth / 2")
+    assert faded(phone, box) == (64, 64)
+    box.evaluate("one => one.scrollLeft = one.scrollWidth")
+    assert faded(phone, box) == (64, 0)
+    wide = opened(chromium, page_file, 1280)
+    assert faded(wide, wide.locator(".scroll", has_text="column 0")) == (0, 0)  # all of it is seen
+
+
 LINES = """one => { const text = document.createRange(); text.selectNodeContents(one);
   return new Set([...text.getClientRects()].map(box => Math.round(box.top))).size; }"""
 
