@@ -330,6 +330,7 @@ class App:
         self.calibrate.draw()
         self.gap.draw()
         self.gauges.show(not self.gap.hides_truth)
+        self.gauges.tell(self.session.table.real or "play" in self.calibrate.accepted)
         self.curves.head(STOPPED if status.state in ("stopped", "at rest") else LIVE)
         if fresh:
             self.curves.draw(curve := self.live.curve())

@@ -26,6 +26,7 @@ AGREES, CONTRADICTS = "agrees", "contradicts"
 # A size that is off by less contradicts nothing, if its interval leaves the other out or not: of
 # ten intervals at 95 % one often does. Chosen: no controller is the worse for it.
 NEAR_SHARE, NEAR = 0.1, "agrees within 10 %"
+TRUE, DIFFERS = "agrees with the truth", "differs"
 NOT_NAMED, NOT_THERE = "not named", "named, and is not there"
 TOO_SMALL = "within the tolerance of a well-kept rig"
 
@@ -129,6 +130,32 @@ def beside_rows(
     return rows
 
 
+def calibrated_beside(file: Path, table: Path) -> tuple[str, list[list[str]]]:
+    """A sentence on whether the play that a calibration found on the virtual table of the rig file
+    `table` is the true one, and rows of (what, found, true, verdict).
+
+    OSError, ValueError: a file cannot be read, or the calibration holds no play.
+    """
+    rig = read_rig(table)
+    truth = _flat(rig.effects, rig.catalogue)
+    found = calibrated_values(file)
+    if not found:
+        raise ValueError(f"{file} holds no play")
+    rows, wrong = [], []
+    for place, one in found.items():
+        name, axis, key = place
+        unit, factor = parameter_unit(name, key)
+        true = truth.get(place, 0.0)
+        verdict = agreement(one, Interval(true, true, true))
+        if verdict == CONTRADICTS and abs(one.value - true) <= BY_NAME[name].tolerance:
+            verdict = AGREES
+        label = f"{effect_words(name)}, {axis}"
+        wrong += [label] * (verdict == CONTRADICTS)
+        rows.append([label, interval_words(one, unit, factor), f"{sig(factor * true)} {unit}"])
+        rows[-1].append(verdict.replace(CONTRADICTS, DIFFERS))
+    return (f"{DIFFERS} from the truth: {', '.join(wrong)}" if wrong else TRUE), rows
+
+
 def truth_lines(found: Findings, runs: Sequence[Path]) -> list[str]:
     """Lines on what was found beside the truth of the virtual table that these runs were made on;
     none where there is none.
@@ -170,6 +197,11 @@ def _verdict(
         other = calibrated[place]
     else:
         return ""
+    return agreement(one, other)
+
+
+def agreement(one: Interval, other: Interval) -> str:
+    """Whether two values of one size agree, in words."""
     if one.low <= other.high and other.low <= one.high:
         return AGREES
     near = abs(one.value - other.value) <= NEAR_SHARE * abs(other.value)

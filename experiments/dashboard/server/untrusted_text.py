@@ -3,6 +3,10 @@
 import re
 
 LONGEST = 500  # characters; chosen: some lines of a panel
+# A blank behind a number or an interval and before its unit, of a text that `plain` has made.
+_OF_A_SIZE = re.compile(
+    r"(?<=\d) (?=(?:deg|[cmµ]?m|s|ms|[VN°]|px)\b|&#37;|&#91;)|(?<=&#93;) |(?<=\d&#44;) (?=\d)"
+)
 _PUNCTUATION = re.compile(r"[!-/:-@\[-`{-~]")  # of ASCII: whatever HTML or Markdown may read
 
 
@@ -24,6 +28,11 @@ def plain(text: object) -> str:
     if len(line) > LONGEST:
         line = line[: LONGEST - 1] + "…"
     return _PUNCTUATION.sub(lambda found: f"&#{ord(found[0])};", line)
+
+
+def measured(text: object) -> str:
+    """As `plain`, of numbers with units: no line ends between the two, nor within an interval."""
+    return _OF_A_SIZE.sub("\u00a0", plain(text))
 
 
 def words_of(error: Exception) -> str:

@@ -13,10 +13,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from calibration.bundle import load_draft
+from experiments.calibrate.folder import FILE, table_file
 from experiments.calibrate.found import HEAD, found_table
 from experiments.dashboard.server.controls import CheckedValue, Controls
 from experiments.dashboard.server.input_limits import PRINTED_MM
-from experiments.dashboard.server.untrusted_text import plain
+from experiments.dashboard.server.untrusted_text import measured, plain
 from experiments.dashboard.session.calibration_tasks import (
     NOT_REAL,
     CalibrationRequest,
@@ -30,6 +31,7 @@ from experiments.dashboard.session.tasks import RunSummary
 from experiments.dashboard.session.worker_process import WorkerProcess, WorkItem
 from experiments.dashboard.tabs.gallery import Gallery
 from experiments.dashboard.view.elapsed import Elapsed
+from experiments.gap.beside import calibrated_beside
 from rig.files import json_of
 
 if TYPE_CHECKING:
@@ -55,6 +57,7 @@ REAL = (
 )
 PRINTED_DEFAULT_MM = 24.0  # of `rig calibrate sheet`
 VERDICTS = "verdicts.json"
+DETAILS = "How it was measured"
 LED_ABOUT, MOST_RUNS = ("steps", "circle", "free-release", "pushed"), 4
 
 
@@ -99,6 +102,9 @@ class CalibrateTab:
             controls.button(everything, "calibrate", lambda page: self.begin(self._steps, page))
             controls.needs(lambda page: self._check_free(), everything)
         self._verdict: Any = gui.add_markdown("")
+        self._folded: Any = gui.add_folder(DETAILS, expand_by_default=False, visible=False)
+        with self._folded:
+            self._details: Any = gui.add_markdown("")
         self._gallery = Gallery(server, "Pictures of this step")
         self._buttons: dict[str, Any] = {}
         with gui.add_folder("One step at a time"):
@@ -133,8 +139,8 @@ class CalibrateTab:
             return
         for step, lines in kept.items():
             if step in self._buttons:
+                self._lines = self._kept[step] = lines
                 self._mark(step, "accepted", "accepted earlier")
-                self._kept[step] = lines
         self._write_found()
 
     def _label(self, step: str) -> str:
@@ -198,7 +204,7 @@ class CalibrateTab:
         if not self._left:
             if len(self._kept) == len(self._steps):
                 self._words = f"{self._words}. All steps are done"
-                self._write()
+                self._write(done=True)
             return
         step, self._left = self._left[0], self._left[1:]
         task = partial(calibration_step, self._measure(step))
@@ -238,9 +244,29 @@ class CalibrateTab:
         if "on" in self._state.values() and self._elapsed.changed():
             self._write(f", {self._elapsed.seconds} s")
 
-    def _write(self, more: str = "") -> None:
-        words = [f"**{self._on}: {plain(self._words)}**{more}", *map(plain, self._lines)]
-        self._verdict.content = "\n\n".join(words)
+    def _write(self, more: str = "", *, done: bool = False) -> None:
+        """The verdict; how a step was measured stands below it while it is on, then folded."""
+        done = done and bool(self._lines)
+        answer = self._against_truth() if done and self._on == "play" else ""
+        words = [f"**{self._on}: {plain(self._words)}**{more}{answer}"]
+        lines = list(map(plain, self._lines))
+        self._verdict.content = "\n\n".join(words if done else words + lines)
+        self._details.content = "\n\n".join(lines)
+        self._folded.visible = done
+
+    def _against_truth(self) -> str:
+        """Markdown on the play that was found beside the virtual table's; "" where nobody knows."""
+        out = self._out / "calibration"
+        if self._real:
+            return ""
+        try:
+            said, rows = calibrated_beside(out / FILE, out / table_file("play"))
+        except (OSError, ValueError):
+            return ""
+        lines = [("play", "found", "true", ""), ("---",) * 4, *rows]
+        table = "\n".join(f"| {' | '.join(map(measured, line))} |" for line in lines[2:])
+        head = "\n".join(f"| {' | '.join(line)} |" for line in lines[:2])
+        return f"\n\n**What was found {plain(said)}.**\n\n{head}\n{table}"
 
     def _on_message(self, step: str, kind: str, what: Any) -> None:
         if kind == "line" and not what.startswith(("written", "believed")):
@@ -260,11 +286,6 @@ class CalibrateTab:
                 self._left = ()
                 self._mark(step, "refused", f"refused, because {what}")
                 return
-            if self._real:
-                used = self._session.rig.table.calibration
-                self._lines.append(
-                    f"Kept in {self._out / 'calibration'}. To use it copy it to {used}"
-                )
             self._mark(step, "accepted", "accepted")
             self._keep(step)
             self._gallery.show(what)
@@ -274,7 +295,7 @@ class CalibrateTab:
         self._buttons[step].label = MARKS[state] + self._label(step)
         self._buttons[step].color = COLOURS[state]
         self._on, self._words = step, words
-        self._write()
+        self._write(done=state == "accepted")
         self._state[step] = state  # last: who waits for it reads the words
 
     def _keep(self, step: str) -> None:
@@ -288,10 +309,12 @@ class CalibrateTab:
 
     def _write_found(self) -> None:
         used = "the tab Gap compares with it, runs keep the rig file's numbers"
+        if self._real:
+            used = f"to use it copy it to {plain(self._session.rig.table.calibration)}"
         place = plain(self._out / "calibration")
         words = f"**What was found** (accepted; {used}; kept in {place})\n\n"
         try:
-            rows = found_table(load_draft(self._out / "calibration" / "calibration.json"))
+            rows = found_table(load_draft(self._out / "calibration" / FILE))
         except (OSError, ValueError) as error:
             self._found.content = words + plain(error)
             return

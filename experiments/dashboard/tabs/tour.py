@@ -12,9 +12,9 @@ if TYPE_CHECKING:
 STEPS = (
     (
         "Run",
-        "protocol free-release, controller both: **Start**. Look at *Swing* (left): without "
-        "compensation the ball goes round for ever, a ring; with it the ring shrinks; *Replay* "
-        "shows it again. (*The whole study*, in the list *Protocol*, makes the runs of every tab.)",
+        "leave the choices as they are and press **Start**: two runs of 16 s. Look at the panel "
+        "*Swing*: without compensation the ball goes round for ever, a ring; with it the ring "
+        "shrinks.",
     ),
     (
         "Results",
@@ -28,8 +28,7 @@ STEPS = (
     (
         "Calibrate",
         "press **play** (or *All steps*), which shows the live table again: gear and joint are "
-        "told apart. "
-        "Compare with the blocks beside the servos.",
+        "told apart, and what was found is held against the truth.",
     ),
     (
         "Gap",
@@ -38,6 +37,7 @@ STEPS = (
     ),
 )
 READ = 1  # the step that is reading alone
+IN_ONE_GO = "*The whole study*, in the list *Protocol*, makes the runs of every step in one go."
 
 
 def both_completed(rows: Iterable[RunSummary]) -> bool:
@@ -60,11 +60,18 @@ def step_words(number: int, mark: str = "") -> str:
     return f"{mark}**{number + 1} {tab}**: {look_for}"
 
 
-def tour_words(done: Sequence[bool]) -> str:
-    """Markdown of all steps, marked; done: which of them are."""
+def _marks(done: Sequence[bool]) -> list[str]:
     at = next_step(done)
-    marks = ["✓ " if is_done else "▶ " if i == at else "○ " for i, is_done in enumerate(done)]
-    return "\n\n".join(step_words(i, mark) for i, mark in enumerate(marks))
+    return ["✓" if is_done else "▶" if i == at else "○" for i, is_done in enumerate(done)]
+
+
+def tour_words(done: Sequence[bool]) -> str:
+    """Markdown of all steps, marked; done: which of them are. The next one stands above already."""
+    at = next_step(done)
+    return "\n\n".join(
+        f"{mark} **{i + 1} {STEPS[i][0]}**: as above." if i == at else step_words(i, f"{mark} ")
+        for i, mark in enumerate(_marks(done))
+    )
 
 
 def next_words(done: Sequence[bool]) -> str:
@@ -72,7 +79,8 @@ def next_words(done: Sequence[bool]) -> str:
     at = next_step(done)
     if at is None:
         return "**The study is done.** Now with other gains, or another play?"
-    return f"The study in five steps. Next: {step_words(at)}"
+    marks = " ".join(f"{mark}\u00a0{i + 1}" for i, mark in enumerate(_marks(done)))
+    return f"The study in five steps ({marks}). Next: {step_words(at)}"
 
 
 class Tour:
@@ -105,6 +113,7 @@ class Tour:
         )
         with folder:
             self._words = self._gui.add_markdown("")
+            self._gui.add_markdown(IN_ONE_GO)
 
     def _note_read(self) -> None:
         self._read = True

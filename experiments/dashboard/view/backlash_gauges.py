@@ -27,7 +27,8 @@ PLACES = {  # of the four gauges, beside the two servos
 
 class BacklashGauge:
     """One backlash in the 3-D view: two jaws of the driven side, the tooth of the driving side
-    between them. kind: "gear" or "joint"; axis: 0 x, 1 y.
+    between them. kind: "gear" or "joint"; axis: 0 x, 1 y. The attribute `told` says whether the label
+    gives the true width, too.
     """
 
     def __init__(self, server: "ViserServer", kind: str, axis: int) -> None:
@@ -53,7 +54,7 @@ class BacklashGauge:
             font_screen_scale=0.7,
             anchor="bottom-center",
         )
-        self._touches = 0
+        self._touches, self.told = 0, True
 
     def draw(self, play_rad: float, twist_rad: float, found_rad: float, rig: Rig) -> None:
         """Draw the backlash at the servo: play_rad, its full width; twist_rad, driving minus driven
@@ -69,7 +70,8 @@ class BacklashGauge:
                 free.visible, touched.visible = touches != side, touches == side
         self._touches = touches
         found = f"found {degrees(found_rad):.1f}°" if isfinite(found_rad) else "nothing found yet"
-        text = f"{self._words}: true {degrees(play_rad):.1f}°, {found}"
+        true = f"true {degrees(play_rad):.1f}°, " if self.told else ""
+        text = f"{self._words}: {true}{found}"
         if self._label.text != text:
             self._label.text = text
 
@@ -89,6 +91,11 @@ class BacklashGauges:
         """Show the gauges or, as they tell the true backlash, hide them."""
         if self._root.visible != shown:
             self._root.visible = shown
+
+    def tell(self, told: bool) -> None:
+        """Give the true widths in the labels, or what the observer found alone."""
+        for gauge in self._gauges.values():
+            gauge.told = told
 
     def draw(self, rig: Rig, gear_rad: np.ndarray, joint_rad: np.ndarray, found: np.ndarray):
         """Draw all gauges: gear_rad and joint_rad (2,), twists in the model by axis; found (2, 2)

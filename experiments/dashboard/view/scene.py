@@ -27,12 +27,12 @@ two are apart: what the model does not know.
 **yellow** tooth moves between two jaws: a **grey** jaw is free, a **red** one is touched.
 """
 LEGEND_VIRTUAL = """
-"true 1.0°, found 0.9°": the virtual table has 1.0 degrees of play; 0.9 is what the
-controller's observer has found of it while it moves ("-": nothing yet).
+"found 0.9°": what the controller's observer has found of it while it moves. Once play was
+calibrated (tab Calibrate) "true 1.0°" stands before it: what the virtual table has.
 """
 LEGEND_REAL = """
 "true 1.0°, found 0.9°": the rig file says 1.0 degrees of play; 0.9 is what the controller's
-observer has found while it moves ("-": nothing yet).
+observer has found while it moves.
 """
 LEGEND_CURVES = """
 **Curves**: estimated shaft torque is what the controller's observer takes the twisted shafts to

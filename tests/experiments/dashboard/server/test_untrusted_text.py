@@ -2,10 +2,11 @@
 
 import html
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from experiments.dashboard.server.untrusted_text import LONGEST, as_unicode, plain, words_of
+from experiments.dashboard.server.untrusted_text import LONGEST, as_unicode, measured, plain, words_of
 
 
 @given(st.text(alphabet=st.characters(codec="ascii"), max_size=200))
@@ -14,6 +15,18 @@ def test_nothing_of_a_text_means_anything_and_all_of_it_is_shown(text):
     left = shown.replace("&#", "").replace(";", "")
     assert all(one.isalnum() or one == " " or not one.isprintable() for one in left)
     assert html.unescape(shown) == " ".join(text.split())
+
+
+@pytest.mark.parametrize(
+    ("said", "lines"),
+    [
+        ("the ball stays 0.29 cm away", ["the", "ball", "stays", "0.29 cm", "away"]),
+        ("2.00 [1.94, 2.06] deg, 95 %", ["2.00 [1.94, 2.06] deg,", "95 %"]),
+        ("run 2 of 2 is next", ["run", "2", "of", "2", "is", "next"]),
+    ],
+)
+def test_a_number_and_its_unit_stay_on_one_line(said, lines):
+    assert html.unescape(measured(said)).split(" ") == [x.replace(" ", "\u00a0") for x in lines]
 
 
 def test_a_long_text_is_cut_off():

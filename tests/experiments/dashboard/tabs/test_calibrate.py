@@ -3,19 +3,23 @@
 import threading
 from contextlib import contextmanager
 from datetime import UTC, datetime
+from math import radians
 from types import SimpleNamespace
 
 import pytest
 
 from calibration.bundle import Draft
-from calibration.records import TimingRecord, Value
+from calibration.records import BacklashAxis, BacklashRecord, TimingRecord, Value
 from experiments.dashboard.server.controls import ControlLock, Controls
 from experiments.dashboard.server.server import open_server
 from experiments.dashboard.session.worker_process import WorkItem
 from experiments.dashboard.tabs.calibrate import CalibrateTab
 from rig.parameters import Rig
+from rig.rigfile import write_rig
 from tests.support.greyed import why
 from tests.support.waiting import wait_for
+
+ONE = radians(1.0)
 
 
 class SlowCamera:
@@ -114,6 +118,39 @@ def test_a_step_uses_the_number_that_passed_its_checks_and_no_other(tab):
     assert request.square_mm == 100.0
     worker.items[0].on_message("failed", "no sheet was seen")
     wait_for("the camera's return", lambda: camera.lent == 0)
+
+
+@pytest.mark.parametrize(("width_rad", "said"), [(ONE, "agrees"), (2 * ONE, "differs")])
+def test_the_answer_is_first_and_how_it_was_measured_is_folded(tmp_path, width_rad, said):
+    folder = tmp_path / "calibration"
+    folder.mkdir()
+    write_rig(Rig(effects={"gear_backlash": {"x": {"play_rad": ONE}}}), folder / "table-play.toml")
+    plays = {"gear": {"x": BacklashAxis(width_rad=Value.around(width_rad, 0.001))}}
+    record = BacklashRecord(plays=plays, not_seen={})
+    Draft(made=datetime.now(UTC), source="simulated", play=record).save(folder / "calibration.json")
+    server, _ = open_server("127.0.0.1", 0, "a-token-of-some-length-for-tests")
+    controls, worker = Controls(lambda *what: None, print), FakeWorker()
+    session = SimpleNamespace(rig=Rig(), status=SimpleNamespace(state="stopped"))
+    try:
+        words = (server, controls, worker, session, tmp_path, lambda page, path: None)
+        one = CalibrateTab(*words)  # pyright: ignore[reportArgumentType]
+        one.begin(("play",))
+        worker.items[0].on_message("line", "play x, gear (tachometer against encoder)")
+        wait_for("the line", lambda: "tachometer" in one._verdict.content)
+        assert not one._folded.visible
+        worker.items[0].on_message("done", [])
+        wait_for("the verdict", lambda: one._state["play"] == "accepted")
+        first, answer, *_ = one._verdict.content.split("\n\n")
+        assert first == "**play: accepted**"
+        assert said in answer
+        assert "truth" in answer
+        assert "| 1\u00a0deg |" in one._verdict.content  # the true one
+        assert "tachometer" not in one._verdict.content
+        assert "tachometer" in one._details.content
+        assert one._folded.visible
+        controls.queue.close()
+    finally:
+        server.stop()
 
 
 def test_verdicts_are_shown_again_after_a_restart(tab, tmp_path):

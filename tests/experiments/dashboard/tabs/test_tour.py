@@ -28,6 +28,16 @@ def test_the_first_step_that_is_not_done_is_next():
     assert "Next: **5 Gap**" in next_words([True] * 4 + [False])
 
 
+def test_the_step_above_the_tabs_says_which_are_done_and_stands_there_once():
+    """Who has calibrated before sees why the guide goes on with another step."""
+    done = [True, False, True, True, False]
+    said = next_words(done).replace("\u00a0", " ")
+    assert "(✓ 1 ▶ 2 ✓ 3 ✓ 4 ○ 5)" in said
+    assert STEPS[1][1] in said
+    assert STEPS[1][1] not in tour_words(done)
+    assert STEPS[4][1] in tour_words(done)
+
+
 def run(method: str, *, seed: int = 1, outcome: str = "completed") -> RunSummary:
     return RunSummary(Path(method), "free-release", method, seed, outcome)
 
