@@ -65,7 +65,8 @@ class RunFilm:
 
     rows (n, len(COLUMNS)): thinned, for the curves, t_s from 0; events: (time [s], text) in order
     of time; method: the controller ("with" or "without" in a comparison); beside: the same run with
-    the other one, None: there is none. Times are those of the motion, as `since` says.
+    the other one, beside_rows: its rows, None: there is none. Times are those of the motion, as
+    `since` says.
     """
 
     name: str
@@ -75,6 +76,7 @@ class RunFilm:
     method: str = ""
     beside: TableMotion | None = None
     beside_method: str = ""
+    beside_rows: np.ndarray | None = None
 
     @property
     def since(self) -> str:
@@ -84,11 +86,16 @@ class RunFilm:
     @property
     def of(self) -> str:
         """Which run the curves are of, in words: the name, or of two runs the controller."""
-        return (
-            f"the run {METHOD_WORDS.get(self.method, self.method)}"
-            if self.beside is not None
-            else self.name
-        )
+        return _run_words(self.method) if self.beside is not None else self.name
+
+    @property
+    def beside_of(self) -> str:
+        """The same of the run beside it."""
+        return _run_words(self.beside_method)
+
+
+def _run_words(method: str) -> str:
+    return f"the run {METHOD_WORDS.get(method, method)}"
 
 
 class Playback:
@@ -129,16 +136,23 @@ class Playback:
         """
         return self._rows_from(self.clock.t_s - CURVE_S)
 
+    def past_beside(self) -> np.ndarray | None:
+        """As `past`, of the run beside it; None: there is none."""
+        rows = None if self.film is None else self.film.beside_rows
+        return None if rows is None else _window(rows, self.clock.t_s - CURVE_S)
+
     def _rows_from(self, begin_s: float) -> np.ndarray | None:
-        if self.film is None:
-            return None
-        rows = self.film.rows
-        return rows[(rows[:, 0] >= begin_s) & (rows[:, 0] <= begin_s + CURVE_S)]
+        return None if self.film is None else _window(self.film.rows, begin_s)
 
     def close(self) -> None:
         """Close the video."""
         if self.video is not None:
             self.video.close()
+
+
+def _window(rows: np.ndarray, begin_s: float) -> np.ndarray:
+    """The rows of CURVE_S seconds."""
+    return rows[(rows[:, 0] >= begin_s) & (rows[:, 0] <= begin_s + CURVE_S)]
 
 
 def without_targets(log: Log) -> Log:
@@ -161,15 +175,21 @@ def run_film(name: str, run: Run, other: Run | None = None) -> RunFilm:
         log = without_targets(log)
     motion = table_motion(log)
     begin_s = float(log["t_s"][0])
-    step = max(1, round(len(log) / max(motion.end_s, 1e-3) * CURVE_S / POINTS))
-    rows = log.rows.copy()
-    for axis in "xy":  # between two observations the last one stands
-        rows[:, INDEX[f"ball_{axis}_m"]] = held(log[f"ball_{axis}_m"], np.nan)
-    rows = rows[::step]
-    rows[:, 0] -= begin_s
     # A recording holds them as they were written: pushes that were detected come at its end.
     events = sorted((float(e["t_s"]) - begin_s, str(e["text"])) for e in run.events)
     beside = table_motion(other.log, run_only=True) if other is not None else None
     method = str(other.meta.get("arm")) if other is not None else ""
+    rows = None if other is None else _thinned(run_part(other.log))
     own = str(run.meta.get("arm"))
-    return RunFilm(name, motion, rows, events, own, beside, method)
+    return RunFilm(name, motion, _thinned(log), events, own, beside, method, rows)
+
+
+def _thinned(log: Log) -> np.ndarray:
+    """The log's rows as a curve shows them, from 0 s."""
+    rows = log.rows.copy()
+    length_s = max(float(rows[-1, 0] - rows[0, 0]), 1e-3)
+    for axis in "xy":  # between two observations the last one stands
+        rows[:, INDEX[f"ball_{axis}_m"]] = held(log[f"ball_{axis}_m"], np.nan)
+    rows = rows[:: max(1, round(len(log) / length_s * CURVE_S / POINTS))]
+    rows[:, 0] -= rows[0, 0]
+    return rows

@@ -102,11 +102,11 @@ class Video:
             self._file = None
 
 
-def replay_run(folder: Path, beside: Path | None, progress: ProgressSender) -> Path:
+def replay_run(folder: Path, beside: Path | None, name: str, progress: ProgressSender) -> Path:
     """Read a recorded run, then find or render its video; returns the video's path.
 
-    beside: the same run with the other controller, shown on the same plate; then there is no video.
-    progress: shown the `RunFilm` as soon as it is read. OSError, ValueError: a run cannot be read,
+    name: what the run is called on the page; beside: the same run with the other controller, shown
+    on the same plate; then there is no video. progress: shown the `RunFilm` as soon as it is read. OSError, ValueError: a run cannot be read,
     or it was measured and nobody filmed it; `av.FFmpegError`: its video is none.
     """
     from experiments.dashboard.session.playback import run_film
@@ -114,7 +114,7 @@ def replay_run(folder: Path, beside: Path | None, progress: ProgressSender) -> P
     from experiments.records.recording import read_run
 
     run = read_run(folder)
-    progress.show(run_film(folder.name, run, read_run(beside) if beside else None))
+    progress.show(run_film(name, run, read_run(beside) if beside else None))
     if beside:
         raise ValueError(NO_VIDEO_OF_BOTH)
     video = folder / VIDEO

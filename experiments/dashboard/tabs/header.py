@@ -17,7 +17,10 @@ NO_EMERGENCY = (
     "STOP and **Esc** are **not** the emergency stop: that is the switch that cuts the motors' "
     "power."
 )
-FILM = "● **A film** is shown on this page: the tab Replay leads back to the live table."
+FILM = (
+    "● **A film is shown on this page** in 3-D view, curves, swing and camera. The live table "
+    "goes on: STOP and the bar at the top are of that; the tab Replay leads back to it."
+)
 SILENT_S, BLIND_S = 1.0, 0.25
 ON_TIME = 0.95  # share of the ticks; chosen: as of the monitor of a real table
 STATES = {
@@ -142,6 +145,8 @@ class Header:
         for page in list(self._pages.clients):
             holds = self._controls.lock.holder == page
             self._pages.tell(page, self._take_over, visible=not holds)
+            # of the live table, which a page with a film does not show
+            self._pages.tell(page, self._state, visible=page not in self._films)
         self._pages.show_usable(list(self._controls.checks.values()))
         words = f"**{STATES[status.state]}** ({plain(self._table)})<br>"
         words += link_words(now, status, rate_hz)

@@ -175,7 +175,9 @@ class ReplayTab:
             self._controls.queue.put("replay", partial(self._on_message, page, item, kind, what))
 
         viewer.name = row.label + (" and its pair" if beside else "")
-        item = WorkItem(f"replay {page}", partial(replay_run, row.folder, beside), on_message)
+        item = WorkItem(
+            f"replay {page}", partial(replay_run, row.folder, beside, row.label), on_message
+        )
         viewer.item, viewer.about = item, f"*{plain(row.label)} is being read ...*"
         self._worker.put(item, instead=True)
 

@@ -27,8 +27,8 @@ PLACES = {  # of the four gauges, beside the two servos
 
 class BacklashGauge:
     """One backlash in the 3-D view: two jaws of the driven side, the tooth of the driving side
-    between them. kind: "gear" or "joint"; axis: 0 x, 1 y. The attribute `told` says whether the label
-    gives the true width, too.
+    between them. kind: "gear" or "joint"; axis: 0 x, 1 y. The attribute `told` says whether the
+    label gives the true width, too.
     """
 
     def __init__(self, server: "ViserServer", kind: str, axis: int) -> None:

@@ -17,15 +17,21 @@ from experiments.dashboard.view.backlash_gauges import TEETH
 from experiments.dashboard.view.camera_view import NO_FILM, NO_VIDEO, CameraPicture
 from experiments.dashboard.view.curves import FILM, Curves
 from experiments.dashboard.view.distance_chart import DistanceChart
-from experiments.dashboard.view.portrait import Portrait
+from experiments.dashboard.view.portrait import Portrait, newest
 from experiments.dashboard.view.scene import TableScene
 from experiments.dashboard.view.side_plates import MAP, MAP_LEGEND, PlateMap, SidePlates
+from experiments.gap.closed_loop_replay import TableMotion
 from rig.parameters import Rig
 
 if TYPE_CHECKING:
     from viser import ClientHandle
 
 TRAIL = 90  # points of the motion behind the ball
+
+
+def _trail(motion: TableMotion, t_s: float) -> np.ndarray:
+    """The ball's positions (n, 2) [m] up to the time t_s [s]."""
+    return motion.ball_m[: int(np.searchsorted(motion.t_s, t_s))][-TRAIL:]
 
 
 class FilmView:
@@ -98,8 +104,11 @@ class FilmView:
         self._scene.pose(theta, ball if beside is None else None, target)
         if film is not None and beside is not None:
             self._scene.both(ball, beside.at(t_s)[1], beside=film.beside_method)
-        trail = playback.motion.ball_m[: int(np.searchsorted(playback.motion.t_s, t_s))]
-        self._scene.draw_trail(trail[-TRAIL:], None)
+            self._scene.draw_trails(
+                {film.method: _trail(playback.motion, t_s), film.beside_method: _trail(beside, t_s)}
+            )
+        else:
+            self._scene.draw_trail(_trail(playback.motion, t_s), None)
         if self._distance is not None:
             self._distance.draw(t_s)
         if self._plates is not None and playback.models is not None:
@@ -109,7 +118,9 @@ class FilmView:
             self._curves.rest(FILM)
         else:
             self._curves.draw(rows, t_s, [at_s for at_s, _ in film.events])
-            self._portrait.draw(past, film.of)
+            shadow = playback.past_beside()
+            enough = shadow is not None and len(shadow) > 2
+            self._portrait.draw(past, film.of, (film.beside_of, newest(shadow)) if enough else None)
         video = playback.video
         if video is None:
             alone = NO_VIDEO if beside is None else NO_VIDEO_OF_BOTH

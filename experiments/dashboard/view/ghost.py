@@ -21,6 +21,14 @@ _VOLTS, _TOLD = INDEX["voltage_x_V"], INDEX["command_x_rad"]
 _X, _EXPOSED, _PHASE = INDEX["ball_x_m"], INDEX["ball_exposed_s"], INDEX["phase"]
 
 
+def noise_alone_m(rig: Rig) -> float:
+    """How far the camera's noise alone drives model and ball apart in ANCHOR_S (root mean square):
+    by the error of the speed, the slope of a line through SPEED_FROM observations, in x and in y.
+    """
+    spread_s = np.sqrt(SPEED_FROM * (SPEED_FROM**2 - 1) / 12.0) / rig.camera.rate_hz
+    return float(np.sqrt(2.0) * rig.camera.noise_m / spread_s * ANCHOR_S)
+
+
 class Ghost:
     """The rig's plant beside the table: after `follow`, `ball_m`, `plate_rad` and the twists are
     those of the model. on_plate: False while the model's ball has no sense (fallen, or not yet

@@ -183,9 +183,10 @@ class Portrait:
         """The widgets."""
         return [self._html]
 
-    def draw(self, rows: np.ndarray, of: str) -> None:
+    def draw(self, rows: np.ndarray, of: str, beside: tuple[str, np.ndarray] | None = None) -> None:
         """Show rows (n, len(COLUMNS)) of the log, at most every EVERY_S; of: what was recorded. A
-        run (`run_of`) stays as a grey shadow under what follows it.
+        run (`run_of`) stays as a grey shadow under what follows it, or `beside` is that shadow:
+        what it is, and its rows.
         """
         now_s = time.monotonic()
         if of != self._of:
@@ -195,7 +196,7 @@ class Portrait:
         self._rows = rows
         if now_s - self._drawn_s >= EVERY_S:
             self._drawn_s = now_s
-            name, shadow = self._before or ("", None)
+            name, shadow = beside or self._before or ("", None)
             head = f"<p>{escape(of)}</p>" + (f"<p>Grey: {escape(name)}</p>" if name else "")
             self._html.content = _boxed(head + pictures(rows, self._servo, shadow))
 

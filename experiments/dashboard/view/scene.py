@@ -1,9 +1,11 @@
 """The 3-D view: plate, arms, ball, ghost, trail and target, and the legend of what they mean."""
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from experiments.dashboard.view.ghost import noise_alone_m
 from experiments.dashboard.view.grid import draw_grid
 from experiments.dashboard.view.pose import DROP_M, linkage, plate_wxyz
 from experiments.dashboard.view.view_points import FIELD_OF_VIEW_RAD, view_point
@@ -20,8 +22,9 @@ LEGEND_TABLE = """
 **Grey plate, orange ball**: the table as it is measured. Its trail is where the ball was, the
 **target** is where it shall be. Fine lines are 1 cm apart.
 
-**Pink ball**: the model, driven by the same volts. "model 3.0 mm from the ball" is how far the
-two are apart: what the model does not know.
+**Pink ball**: the model, driven by the same volts and set onto the ball once a second. "model 3.0
+mm from the ball (camera noise alone: 6)": by the end of the second noise makes them part by about
+6 mm; what is beyond that is what the model does not know.
 
 **Blocks beside the servos**: the play of gear and joint, 40 times as large. The
 **yellow** tooth moves between two jaws: a **grey** jaw is free, a **red** one is touched.
@@ -142,6 +145,14 @@ ARMS = {"with": (214, 39, 40), "without": (31, 79, 216)}  # as in every figure
 HALO = 1.15  # the model's ball is so much larger: a halo where both are at one place
 
 
+def _line(xy_m: np.ndarray) -> np.ndarray:
+    """Segments (m, 2, 3) of a line on the plate through xy_m (n, 2); a point of fewer than two."""
+    if len(xy_m) < 2:
+        return np.zeros((1, 2, 3), np.float32)
+    points = np.column_stack([xy_m, np.full(len(xy_m), 0.0012)]).astype(np.float32)
+    return np.stack([points[:-1], points[1:]], axis=1)
+
+
 class TableScene:
     """The table in the middle of the 3-D view: plate, ball, arms and rods, target, trail, centroid,
     and the model's ball with its distance from the measured one.
@@ -149,6 +160,8 @@ class TableScene:
 
     def __init__(self, server: "ViserServer | ClientHandle", rig: Rig) -> None:
         self._rig, scene = rig, server.scene
+        noise = f" (camera noise alone: {1e3 * noise_alone_m(rig):.0f})"
+        self._model_words = "model {:.1f} mm from the ball" + noise
         self.table = PlateModel(server, "/table", rig)
         draw_grid(server, f"{self.table.name}/plate", rig.linkage.plate_side_m)
         vertices, faces = ball_mesh(HALO * rig.ball.radius_m)
@@ -174,6 +187,12 @@ class TableScene:
         )
         empty = np.zeros((1, 2, 3), np.float32)
         self.trail = scene.add_line_segments("/table/plate/trail", empty, ORANGE, thickness=0.0015)
+        self.trails = {
+            name: scene.add_line_segments(
+                f"/table/plate/trail_{name}", empty, colour, thickness=0.0015
+            )
+            for name, colour in ARMS.items()
+        }
         self.gap = scene.add_line_segments("/table/plate/gap", empty, GHOST, thickness=0.002)
         self.gap_label = scene.add_label(
             "/table/plate/gap_label",
@@ -232,7 +251,7 @@ class TableScene:
         in the plate's frame; None: not shown.
         """
         self.ghost.position = _on_plate(ghost_m, self._rig.ball.radius_m)
-        self._apart(ball_m, ghost_m, "model {:.1f} mm from the ball")
+        self._apart(ball_m, ghost_m, self._model_words)
 
     def both(
         self, ball_m: np.ndarray | None, beside_m: np.ndarray | None, *, beside: str = "without"
@@ -263,8 +282,9 @@ class TableScene:
         None: none yet.
         """
         self.centroid.position = _on_plate(centroid_m, 0.002)
-        if len(xy_m) < 2:
-            self.trail.points = np.zeros((1, 2, 3), np.float32)
-            return
-        points = np.column_stack([xy_m, np.full(len(xy_m), 0.0012)]).astype(np.float32)
-        self.trail.points = np.stack([points[:-1], points[1:]], axis=1)
+        self.trail.points = _line(xy_m)
+
+    def draw_trails(self, xy_m: Mapping[str, np.ndarray]) -> None:
+        """Draw the last positions (n, 2) of the balls of two runs, by controller as in `both`."""
+        for name, trail in self.trails.items():
+            trail.points = _line(xy_m[name]) if name in xy_m else _line(np.empty((0, 2)))

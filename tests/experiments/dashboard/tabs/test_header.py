@@ -34,6 +34,31 @@ def test_a_message_is_titled_with_what_happened():
     assert shown == [("Not done: play", "choose a run and press Show first")]
 
 
+def test_a_page_with_a_film_does_not_show_the_state_of_the_live_table():
+    told = {}
+    pages = SimpleNamespace(
+        clients={1: None, 2: None},
+        tell=lambda page, handle, visible: told.update({(page, handle.text): visible}),
+        show_usable=lambda checks: None,
+    )
+    gui = SimpleNamespace(
+        add_markdown=lambda text="", **k: SimpleNamespace(text=text, content=text),
+        add_button=lambda label, **k: SimpleNamespace(text=label, visible=False),
+        add_command=lambda label: SimpleNamespace(),
+    )
+    controls = SimpleNamespace(
+        button=lambda *what, **k: None, checks={}, lock=ControlLock().joined(1)
+    )
+    session = SimpleNamespace(table=SimpleNamespace(real=False))
+    header = Header(SimpleNamespace(gui=gui), controls, pages, session, "virtual", print)  # pyright: ignore[reportArgumentType]
+    header.show_film(2, True)
+    header.draw(SimpleNamespace(), SimpleNamespace(state="stopped"), 500.0)  # pyright: ignore[reportArgumentType]
+    assert (told[1, ""], told[2, ""]) == (True, False)
+    header.show_film(2, False)
+    header.draw(SimpleNamespace(), SimpleNamespace(state="stopped"), 500.0)  # pyright: ignore[reportArgumentType]
+    assert told[2, ""]
+
+
 @pytest.mark.parametrize("way", ["button", "palette"])
 def test_a_page_that_watches_takes_over_and_the_other_is_told(way: str):
     buttons, commands, noted = {}, {}, []

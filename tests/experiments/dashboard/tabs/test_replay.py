@@ -208,6 +208,26 @@ def test_both_controllers_start_at_one_release():
     assert one.motion.at(10.0)[1] == pytest.approx(one.beside.at(10.0)[1], abs=1e-3)
 
 
+def test_the_run_beside_goes_along_up_to_the_same_moment():
+    one = run_film("run", recorded(begin_s=0.5), recorded(arm="without", begin_s=120.0))
+    playback = Playback("run", one.motion, film=one, playing=False)
+    playback.clock.seek(12.0)
+    own, other = playback.past(), playback.past_beside()
+    assert own is not None
+    assert other is not None
+    assert other == pytest.approx(own, abs=1e-3, nan_ok=True)
+    assert one.beside_of == "the run without play compensation"
+    alone = run_film("run", recorded())
+    assert Playback("run", alone.motion, film=alone).past_beside() is None
+
+
+def test_a_film_is_called_as_the_run_in_the_list(replay):
+    tab, controls, worker, _ = replay
+    tab.show(1)
+    controls.queue.close()
+    assert worker.items[0].task.args[2] == tab._rows()[0].label
+
+
 def test_two_runs_of_one_film_show_where_they_part():
     one = run_film("run", recorded(), recorded(arm="without", begin_s=120.0))
     times_s = np.array([0.0, 10.0, 20.0])

@@ -110,6 +110,14 @@ def test_the_last_run_stays_grey_in_the_same_axes(monkeypatch):
     assert "Grey: hold, with<" in html.content
 
 
+def test_the_run_beside_a_replay_is_its_shadow():
+    portrait = Portrait(SimpleNamespace(gui=Gui()), SERVO)  # pyright: ignore[reportArgumentType]
+    portrait.draw(swinging(), "the run with", ("the run without", swinging()))
+    (html,) = portrait.handles
+    assert "Grey: the run without" in html.content
+    assert html.content.count(GREY) == 4
+
+
 class Gui:
     def add_html(self, content: str):
         return SimpleNamespace(content=content)
