@@ -3,7 +3,8 @@
 (() => {
   "use strict";
   const EVERY_MS = 1000, SOON_MS = 150, PATIENCE_MS = 3000, LONG_MS = 5000,
-    GIVEN_UP_MS = 30000, CONNECT_MS = 10000;
+    GIVEN_UP_MS = 30000, CONNECT_MS = 10000, LAID_OUT_MS = 500;
+  const NO_RUN = ["balancing", "pause", "at rest", "stopped"];
   const STATES = {
     starting: "Starting", balancing: "Balancing", running: "Run is on",
     pause: "Pause between runs", stopping: "Stopping: the plate is levelled",
@@ -57,7 +58,7 @@
   show();
 
   // --- what the program says ---
-  let gone = false, lostAt = null, stoppingAt = null, began = "", timer = 0, asked = 0,
+  let now = "", gone = false, lostAt = null, stoppingAt = null, began = "", timer = 0, asked = 0,
     halts = 0, unheard = false,  // unheard: STOP, which is asked again
     heardAt = Date.now(), shownAt = Date.now();
   const ask = async (what) => {
@@ -79,6 +80,7 @@
     if (began && began !== state.began || away > (gone ? PATIENCE_MS : GIVEN_UP_MS))
       return location.reload();
     began = state.began;
+    now = state.state;
     lostAt = null;
     heardAt = Date.now();
     gone = false;
@@ -138,9 +140,37 @@
   stop.addEventListener("pointerdown", (event) => { if (event.button === 0) halt(); });
   stop.addEventListener("click", (event) => { if (event.detail === 0) halt(); });
   // Esc stops whatever has the focus, a list that it closes, too: who is afraid presses it once.
+  // Only an enlarged picture it closes alone, and only while the program says that no run is on.
+  const enlarged = () => document.querySelector(".mantine-Modal-body img");
+  const noRun = () => lostAt === null && stoppingAt === null && NO_RUN.includes(now);
   addEventListener("keydown", (event) => {
-    if (event.key === "Escape" && !event.repeat) halt();
+    if (event.key === "Escape" && !event.repeat && !(enlarged() && noRun())) halt();
   }, true);
+  // viser enlarges a picture by an icon alone, which it shows while a mouse is over the picture.
+  addEventListener("click", (event) => {
+    const picture = event.target.closest?.('p + div > img[src^="blob:"]');
+    if (!picture) return;
+    picture.dispatchEvent(new MouseEvent("mouseover", { bubbles: true }));  // a finger's, too
+    setTimeout(() => picture.parentElement.querySelector("button")?.click(), SOON_MS);
+  });
+  // viser builds its panels anew where a window becomes as narrow as a phone's, or wide again: the
+  // tabs that were chosen stay so.
+  const chosen = new Map(), laid = new WeakSet();  // chosen: by the names in a row of tabs
+  addEventListener("click", (event) => {
+    const tab = event.target.closest?.('[role="tab"]'), row = tab?.closest('[role="tablist"]');
+    if (row && event.isTrusted) chosen.set(row.textContent, tab.textContent);
+  }, true);
+  setInterval(() => {
+    for (const row of document.querySelectorAll('[role="tablist"]')) {
+      if (laid.has(row) || !chosen.has(row.textContent)) continue;
+      laid.add(row);
+      for (const tab of row.querySelectorAll('[aria-selected="false"]'))
+        if (chosen.get(row.textContent) === tab.textContent) {
+          tab.click();  // a phone's; those of a wide page take keys
+          tab.dispatchEvent(new KeyboardEvent("keydown", { key: "Enter", bubbles: true }));
+        }
+    }
+  }, LAID_OUT_MS);
   // A tab or a button that was clicked keeps no key: arrows would turn the tabs, Space press again.
   addEventListener("click", (event) => {
     if (event.detail > 0) event.target.closest?.("button")?.blur();

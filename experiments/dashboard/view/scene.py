@@ -22,8 +22,8 @@ LEGEND_TABLE = """
 **Grey plate, orange ball**: the table as it is measured. Its trail is where the ball was, the
 **target** is where it shall be. Fine lines are 1 cm apart.
 
-**Pink ball**: the model, driven by the same volts and set onto the ball once a second. "model 3.0
-mm from the ball (camera noise alone: 6)": by the end of the second noise makes them part by about
+**Pink ball**: the model, driven by the same volts and set onto the ball once a second. "model 11.0
+mm off (noise alone: 6)": by the end of the second the camera's noise alone makes them part by about
 6 mm; what is beyond that is what the model does not know.
 
 **Blocks beside the servos**: the play of gear and joint, 40 times as large. The
@@ -160,8 +160,8 @@ class TableScene:
 
     def __init__(self, server: "ViserServer | ClientHandle", rig: Rig) -> None:
         self._rig, scene = rig, server.scene
-        noise = f" (camera noise alone: {1e3 * noise_alone_m(rig):.0f})"
-        self._model_words = "model {:.1f} mm from the ball" + noise
+        noise_mm = 1e3 * noise_alone_m(rig)
+        self._model_words = f"model {{:.1f}} mm off (noise alone: {noise_mm:.0f})"
         self.table = PlateModel(server, "/table", rig)
         draw_grid(server, f"{self.table.name}/plate", rig.linkage.plate_side_m)
         vertices, faces = ball_mesh(HALO * rig.ball.radius_m)

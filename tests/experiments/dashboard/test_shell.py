@@ -67,6 +67,57 @@ def test_esc_stops_whatever_has_the_focus_and_closes_a_list(chromium, program):
     page.context.close()
 
 
+@pytest.mark.slow
+def test_a_click_enlarges_a_picture_and_esc_closes_it_alone_while_no_run_is_on(chromium, program):
+    grey = np.full((300, 400, 3), 128, np.uint8)
+    program.server.gui.add_image(grey, label="a figure", order=-1)
+    program.state = "balancing"
+    page = chromium.new_page()
+    page.goto(program.link)
+    page.locator("#rig-state", has_text="Balancing").wait_for()
+    picture = page.locator('img[src^="blob:"]').first
+    picture.wait_for(timeout=120e3)
+    large = page.locator(".mantine-Modal-body img")
+    for state, stops in (("balancing", False), ("running", True), ("pause", False)):
+        program.state, program.stops = state, []
+        words = {"balancing": "Balancing", "running": "Run is on", "pause": "Pause"}[state]
+        page.locator("#rig-state", has_text=words).wait_for()
+        picture.click()
+        large.wait_for()
+        page.keyboard.press("Escape")
+        large.wait_for(state="hidden")
+        page.wait_for_timeout(300)
+        assert bool(program.stops) is stops, state
+    program.state, program.stops = "balancing", []
+    page.locator("#rig-state", has_text="Balancing").wait_for()
+    page.keyboard.press("Escape")  # no picture is open
+    wait_for("Esc", program.stopped, 5.0)
+    program.state = "balancing"
+    picture.click()
+    large.wait_for()
+    page.route("**/alive", lambda route: route.abort())
+    page.get_by_text("Connection lost").wait_for(timeout=20e3)
+    page.keyboard.press("Escape")  # nobody knows whether a run is on
+    wait_for("Esc without a connection", program.stopped, 5.0)
+    page.close()
+
+
+@pytest.mark.slow
+def test_a_tab_stays_chosen_when_the_window_becomes_a_phones(chromium, program):
+    tabs = program.server.gui.add_tab_group(order=-1)
+    for name in ("Run", "Gap"):
+        with tabs.add_tab(name):
+            program.server.gui.add_markdown(f"the tab {name}")
+    page = opened(chromium, program)
+    page.get_by_role("tab", name="Gap").click(timeout=120e3)
+    page.get_by_text("the tab Gap").wait_for()
+    for width, height in ((390, 844), (1280, 720)):
+        page.set_viewport_size({"width": width, "height": height})
+        page.wait_for_timeout(1500)
+        page.get_by_text("the tab Gap").wait_for(timeout=10e3)
+    page.context.close()
+
+
 def below(one) -> float:
     """Where an element ends [px]."""
     box = one.bounding_box()
