@@ -73,6 +73,13 @@ def _lines(console: Console) -> ProgressCall:
     return show
 
 
+COLUMNS = (
+    "In a rig file: a section named effects.NAME with lines AXIS.KEY = a value of the range. "
+    "null: the value without the effect. tolerance: so much of the first key a well-kept rig may "
+    "have."
+)
+
+
 def effects_table(effects: "Iterable[Effect]") -> None:
     """Print effects as a table on standard output."""
     table = Table("name", "axis", "key", "unit", "range", "null", "tolerance", "what it is")
@@ -89,6 +96,7 @@ def effects_table(effects: "Iterable[Effect]") -> None:
                 f"{effect.tolerance:g}" if first and effect.tolerance else "",
                 effect.sentence if first else "",
             )
+    table.caption = COLUMNS
     # A pipe or a narrow terminal gets whole names all the same.
     console = Console()
     Console(width=max(console.width, 150), markup=False).print(table)

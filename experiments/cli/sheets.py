@@ -17,7 +17,7 @@ def sheet(
     from experiments.cli.console import bars
     from experiments.records.run_folder import writable
     from experiments.sheets.catalogue import sheet_named
-    from experiments.sheets.handout import RESULTS, hand_out
+    from experiments.sheets.handout import EXERCISE, RESULTS, hand_out, next_commands
     from experiments.sheets.tables import seed_of
 
     wanted = sheet_named(name)
@@ -29,7 +29,9 @@ def sheet(
     except FileExistsError as error:
         raise ValueError(str(error)) from None
     say(f"{wanted.title}: {len(runs)} runs of your table in {folder / 'runs'}")
+    say(f"what to do, and the questions: {folder / EXERCISE}")
     say(f"rig file: {folder / 'rig.toml'}   your answers: {folder / RESULTS}")
+    say(f"next: {next_commands(wanted, folder)[0]}")
 
 
 def check(

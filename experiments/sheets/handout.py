@@ -9,13 +9,15 @@ from experiments.runs.runner import RunRequest, keep_simulated, simulate_run
 from experiments.sheets.catalogue import LabSheet, Question
 from rig.rigfile import refuse_own, write_rig
 
-RESULTS, BLANK = "results.toml", "?"
+RESULTS, EXERCISE, BLANK = "results.toml", "exercise.md", "?"
+PAGES = Path(__file__).parent
 
 
 def hand_out(
     sheet: LabSheet, student: str, out: Path, *, progress: ProgressCall = silent
 ) -> list[Path]:
-    """Write rig.toml, the runs in out/runs and a blank results.toml; return the run folders.
+    """Write rig.toml, the runs in out/runs, the exercise and a blank results.toml; return the run
+    folders.
 
     A results file that is there is kept. FileExistsError: out/runs holds runs already. ValueError:
     as of `seed_of`, or out/rig.toml is somebody's own. OSError: `out` cannot be written.
@@ -35,7 +37,20 @@ def hand_out(
     progress("recording your table's runs", len(sheet.runs), len(sheet.runs))
     if not (out / RESULTS).exists():
         (out / RESULTS).write_text(blank_results(sheet, student), encoding="utf-8")
+    (out / EXERCISE).write_text(exercise(sheet, out), encoding="utf-8")
     return made
+
+
+def exercise(sheet: LabSheet, out: Path) -> str:
+    """The sheet's page, its commands for the folder `out`."""
+    page = (PAGES / f"{sheet.name}.md").read_text(encoding="utf-8")
+    return page.replace(f"out/sheet-{sheet.name}", str(out))
+
+
+def next_commands(sheet: LabSheet, out: Path) -> list[str]:
+    """The commands of the sheet's page that follow the one that handed it out."""
+    lines = exercise(sheet, out).splitlines()
+    return [line for line in lines if line.startswith("uv run rig ")][1:]
 
 
 def blank_results(sheet: LabSheet, student: str) -> str:

@@ -24,6 +24,7 @@ from experiments.watch.words import as_json, parameter_words, run_words, sentenc
 HEAD = ("run", "recorded", "state", "what is said of it", "statistic")
 MARKS = {CHANGED: "fails", UNCHANGED: "holds", SKIPPED: "undecided"}
 COLUMNS = 3  # panels side by side; chosen: readable on A4
+NAMED = 6  # skipped runs of the head; chosen: some lines
 HALF_WIDTH = 1.96  # standard deviations of a 95 % interval
 
 
@@ -34,7 +35,6 @@ def write_watch(found: Watch, out: Path, *, command: str) -> Path:
     sources = {(one.run.meta or {}).get("source") for one in found.runs if one.state == ACCEPTED}
     source = "measured" if "measured" in sources else "simulated"
     picture = save(history(found), out, "history", source)
-    skipped = [one for one in found.runs if one.state == SKIPPED]
     return write_page(
         out / "report.html",
         title=f"Watch of {found.folder.resolve().name}",
@@ -44,7 +44,7 @@ def write_watch(found: Watch, out: Path, *, command: str) -> Path:
             f"{len(found.parameters)} parameters are watched; the threshold of the statistic is "
             f"{found.threshold:.2f}, for "
             f"{rate_words()}.",
-            *([f"{len(skipped)} runs were skipped; the table says why."] if skipped else []),
+            *_skipped_words(found),
         ],
         sections=[
             Section("Runs", [_runs(found)], "What does each run say, beside those before it?"),
@@ -72,6 +72,17 @@ def write_watch(found: Watch, out: Path, *, command: str) -> Path:
             ),
         ],
     )
+
+
+def _skipped_words(found: Watch) -> list[str]:
+    """A sentence on the runs that were not judged, and why; none where all were."""
+    why = [
+        f"{one.run.name} ({run_words(found, one)})" for one in found.runs if one.state == SKIPPED
+    ]
+    if not why:
+        return []
+    more = f", and {len(why) - NAMED} more (table)" if len(why) > NAMED else ""
+    return [f"Skipped: {', '.join(why[:NAMED])}{more}."]
 
 
 def _runs(found: Watch) -> Table:

@@ -71,7 +71,8 @@ addEventListener("DOMContentLoaded", () => {
     const [pen, width, height] = clear(at("curve")), { t_s: t, x_m: x, y_m: y } = curve;
     const left = 56, seen = [...x, ...y].filter((v) => v !== null).map(Math.abs);
     const most = Math.min(side_m / 2, Math.max(0.02, 1.1 * Math.max(0, ...seen)));
-    const py = (v) => height / 2 - (height / 2 - 22) * v / most;  // the names above the lines
+    const bottom = height - 20;  // the times below
+    const py = (v) => bottom / 2 - (bottom / 2 - 22) * v / most;  // the names above the lines
     pen.fillStyle = ink;
     pen.font = "700 16px system-ui, sans-serif";
     for (const v of [-most, 0, most]) {
@@ -81,7 +82,15 @@ addEventListener("DOMContentLoaded", () => {
     if (t.length < 2) return;
     const span = Math.max(t[t.length - 1] - t[0], 1e-3);
     const px = (s) => left + (width - left - 4) * (s - t[0]) / span;
-    for (const [values, colour, name, row] of [[x, X, "x [cm]", 0], [y, Y, "y [cm], last 20 s", 1]]) {
+    const now = t[t.length - 1], step = span > 8 ? 5 : 1;
+    for (let back = 0; back <= span; back += step) {
+      const at_px = px(now - back);
+      line(pen, [[at_px, 22], [at_px, bottom]], pale, 1.5);
+      pen.textAlign = back ? "center" : "right";
+      if (!back || at_px > left + 24) pen.fillText(back ? `-${back} s` : "now", at_px, height - 3);
+    }
+    pen.textAlign = "left";
+    for (const [values, colour, name, row] of [[x, X, "x [cm]", 0], [y, Y, "y [cm]", 1]]) {
       line(pen, t.map((s, i) => [s, values[i]]).filter(([, v]) => v !== null)
         .map(([s, v]) => [px(s), py(v)]), colour, 3.5);
       pen.fillStyle = colour;

@@ -106,8 +106,9 @@ def replay_run(folder: Path, beside: Path | None, name: str, progress: ProgressS
     """Read a recorded run, then find or render its video; returns the video's path.
 
     name: what the run is called on the page; beside: the same run with the other controller, shown
-    on the same plate; then there is no video. progress: shown the `RunFilm` as soon as it is read. OSError, ValueError: a run cannot be read,
-    or it was measured and nobody filmed it; `av.FFmpegError`: its video is none.
+    on the same plate; then there is no video; progress: shown the `RunFilm` as soon as it is read.
+    OSError, ValueError: a run cannot be read, or it was measured and nobody filmed it;
+    `av.FFmpegError`: its video is none.
     """
     from experiments.dashboard.session.playback import run_film
     from experiments.gap.closed_loop_replay import table_motion

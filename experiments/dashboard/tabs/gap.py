@@ -317,7 +317,7 @@ class GapTab:
         said = [plain(sentence) for sentence in short.sentences]
         lines = [f"**{sentence}**" for sentence in said[:1]] + said[1:]
         if short.truth:
-            lines[:0] = [OWN_TABLE, HIDDEN if hides else plain(short.truth)]
+            lines += [HIDDEN if hides else f"**{plain(short.truth)}**", OWN_TABLE]
         if earlier:
             lines.insert(0, f"*Of an earlier analysis ({plain(answer.report.parent.name)}):*")
         lines.append(beside_list(without_truth(short.table) if hides else short.table))

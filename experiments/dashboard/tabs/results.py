@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from experiments.analysis.comparison import HEAD, told_words
 from experiments.dashboard.server.controls import Controls
 from experiments.dashboard.server.input_limits import choice, flag
-from experiments.dashboard.server.untrusted_text import plain
+from experiments.dashboard.server.untrusted_text import measured, plain
 from experiments.dashboard.session.live import LiveBuffer
 from experiments.dashboard.session.tasks import (
     UNFINISHED,
@@ -73,11 +73,11 @@ def card(figures: DrawnFigures) -> str:
     """
     said = figures.sentence or "to compare, run it with and without play compensation."
     of = "".join(f"{plain(row.protocol)}: " for row in figures.rows[:1])
-    lines = [f"{of}**{plain(said)}**"]
+    lines = [f"{of}**{measured(said)}**"]
     says = [row for row in figures.table if row[1] != row[2] or row[3]]
     if says:
         lines += ["", *("| " + " | ".join(row) + " |" for row in (HEAD, ("---",) * len(HEAD)))]
-        lines += ["| " + " | ".join(map(plain, row)) + " |" for row in says]
+        lines += ["| " + " | ".join(map(measured, row)) + " |" for row in says]
     for why in dict.fromkeys(row[1] for row in figures.table if row not in says):
         names = ", ".join(row[0] for row in figures.table if row not in says and row[1] == why)
         lines += ["", f"{plain(names)}, with and without: {plain(why)}."]
@@ -130,6 +130,7 @@ class ResultsTab:
         controls.button(report, "report", self.report, everybody=True)
         controls.needs(lambda page: self._shown(), self._picked, disturbed, report)
         controls.needs(lambda page: worker.check_free("report"), report)
+        controls.needs(lambda page: self._check_read(), report)
         self._words: Any = gui.add_markdown("")
         self._gallery = Gallery(server, "Figures")
         self._table: Any = gui.add_markdown("")
@@ -148,6 +149,12 @@ class ResultsTab:
     def _chosen(self, name: str) -> None:
         self._tell_others(name)
         self.figures(name)
+
+    def _check_read(self) -> None:
+        """ValueError: the runs are being read for the first figures, which a report would wait
+        for."""
+        if self._does and not self._card.content:
+            raise ValueError(f"{self._does}: wait for it")
 
     def _tell_others(self, chosen: str | None = None) -> None:
         shown = self._named(chosen or self._protocol.now)

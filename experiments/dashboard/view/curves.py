@@ -29,8 +29,7 @@ def legend(what: str) -> str:
     """What is drawn, and in which colours, as HTML."""
     return (
         f'<div style="{TEXT}">{what}: '
-        f'<b style="color: {X}">x</b>, <b style="color: {Y}">y</b>; dashed: the set point; '
-        "of the play: full line gear, dashed joint</div>"
+        f'<b style="color: {X}">x</b> and <b style="color: {Y}">y</b>, dashed what is wanted</div>'
     )
 
 
@@ -67,7 +66,7 @@ CHARTS = (
         ("estimated_torque_x_Nm", "x", X, 1e3, False),
         ("estimated_torque_y_Nm", "y", Y, 1e3, False),
     )),
-    Chart("play found so far [deg]", (
+    Chart("play found so far [deg]: gear, dashed joint", (
         ("estimated_gear_play_x_rad", "gear x", X, _DEG, False),
         ("estimated_gear_play_y_rad", "gear y", Y, _DEG, False),
         ("estimated_joint_play_x_rad", "joint x", X, _DEG, True),

@@ -81,6 +81,7 @@ def test_effects_lists_the_whole_catalogue(capsys):
         assert effect.name in shown
         for parameter in effect.parameters:
             assert parameter.key in shown
+    assert "tolerance: so much of the first key" in " ".join(shown.split())  # what columns mean
 
 
 @pytest.mark.parametrize(

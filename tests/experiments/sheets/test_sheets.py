@@ -13,7 +13,7 @@ import pytest
 
 from experiments.sheets.catalogue import SHEETS, LabSheet
 from experiments.sheets.check import OPEN, RIGHT, WRONG, check
-from experiments.sheets.handout import BLANK, blank_results
+from experiments.sheets.handout import BLANK, EXERCISE, blank_results, exercise, next_commands
 from experiments.sheets.swing import swing
 from experiments.sheets.tables import seed_of
 from rig.log import Log
@@ -158,6 +158,17 @@ def answers_of(name: str, folder: Path) -> dict[str, float | str]:
     return {"effect": effect, "axis": axis, "size": next(iter(keys.values()))["value"]}
 
 
+@pytest.mark.parametrize("name", list(SHEETS))
+def test_what_to_do_is_handed_out_for_the_students_own_folder(tmp_path: Path, name: str):
+    sheet, folder = SHEETS[name], tmp_path / "mine"
+    text = exercise(sheet, folder)
+    assert all(question.key in text for question in sheet.questions)
+    assert "out/sheet-" not in text
+    assert f"{folder}/runs/" in text
+    *_, last = next_commands(sheet, folder)
+    assert last == f"uv run rig check {name} {folder}/results.toml"
+
+
 @pytest.mark.slow
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize("name", list(SHEETS))
@@ -175,6 +186,7 @@ def test_a_sheet_from_its_pages_own_commands(tmp_path: Path, name: str):
         assert code == 0, f"{words}: {err}"
     assert not list(folder.rglob("truth.json"))
     assert BLANK in results.read_text()
+    assert (folder / EXERCISE).read_text().startswith(f"# {SHEETS[name].title}")
     code, out, _ = told(*last)
     assert code == 1
     assert "0 of" in out

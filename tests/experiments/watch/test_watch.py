@@ -11,6 +11,7 @@ import pytest
 
 from calibration.gap.report.units import sig
 from experiments.runs.runs import reject
+from experiments.watch.report import _skipped_words
 from experiments.watch.runs import RunFolder, accepted_of, other_protocol, runs_of
 from experiments.watch.watch import ACCEPTED, SKIPPED, JudgedRun, Watch, _not_compared
 from experiments.watch.words import run_words
@@ -160,6 +161,17 @@ def test_an_edited_protocol_of_the_same_name_is_another(tmp_path: Path):
     said = _not_compared(edited, one, Rig(), before=False)
     assert said.startswith("is of another protocol of that name")
     assert _not_compared(same, one, Rig(), before=False) == ""
+
+
+def test_the_page_names_what_was_skipped_and_why():
+    judged = [
+        JudgedRun(RunFolder(Path(f"run-{i}"), {}), state, why)
+        for i, (state, why) in enumerate([(ACCEPTED, ""), *[(SKIPPED, "ball lost")] * 8])
+    ]
+    (said,) = _skipped_words(Mock(runs=judged))
+    assert said.startswith("Skipped: run-1 (ball lost), run-2")
+    assert said.endswith("run-6 (ball lost), and 2 more (table).")
+    assert _skipped_words(Mock(runs=judged[:1])) == []
 
 
 def test_lost_rows_are_told_and_odd_names_break_no_line(runs: Path, tmp_path: Path):

@@ -234,6 +234,10 @@ def test_results_follow_the_newest_run_until_a_protocol_is_chosen(tmp_path: Path
     record(3, "steps")  # another protocol's: what is looked at stays
     tab.refresh()
     record(4, "hold")
+    report = next(h for h, _ in controls.checks.values() if h.label == "Download the report")
+    assert "wait for it" in why(controls, report)  # it would wait for the figures
+    tab._drawn(DrawnFigures([], [], "", []))
+    assert why(controls, report) == ""
     tab._protocol.now, tab.started = NEWEST, "hold"  # a series that began with it
     record(5, "hold")
     record(6, "steps")
