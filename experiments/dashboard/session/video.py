@@ -21,6 +21,7 @@ NO_VIDEO_OF_BOTH = (
     "one run alone for its video."
 )
 STEP_S = 1 / 30  # between frames of a rendered video
+TELL_EVERY = 5  # frames; chosen: a busy machine renders so many in a second
 SEEK_AHEAD_S = 2.0  # further ahead it seeks, nearer it decodes frame by frame; chosen
 WIDEST_PX = 480  # of a shown frame; chosen: a panel is narrower
 MOST_PX = 1 << 25  # of a file's frame; chosen: four times 4K
@@ -145,7 +146,7 @@ def render_video(
     times = np.arange(0.0, motion.end_s, STEP_S)
     with Film(unfinished, renderer.size, quick=True) as film:  # somebody waits for it
         for i, t_s in enumerate(times):
-            if i % 30 == 0:
+            if i % TELL_EVERY == 0:
                 progress("rendering the video", i, len(times))
             theta_rad, ball_m, _ = motion.at(float(t_s))
             image, _ = renderer.look(theta_rad, ball_m, float(t_s))

@@ -18,8 +18,8 @@ NO_EMERGENCY = (
     "power."
 )
 FILM = (
-    "● **A film is shown on this page** in 3-D view, curves, swing and camera. The live table "
-    "goes on: STOP and the bar at the top are of that; the tab Replay leads back to it."
+    "● **A film is shown on this page**. The live table goes on: STOP and the bar at the top are "
+    "of that; the tab Replay leads back to it."
 )
 SILENT_S, BLIND_S = 1.0, 0.25
 ON_TIME = 0.95  # share of the ticks; chosen: as of the monitor of a real table

@@ -20,8 +20,8 @@ X, Y = "#7048e8", "#e8590c"
 CURSOR = {"stroke": "#868e96", "width": 2.5}
 EVENT = {"stroke": "#adb5bd", "width": 1.2, "dash": (3, 3)}
 LIVE, STOPPED = "The last 20 s", "<b>Stopped</b>: the last 20 s before"
-REPLAYED = "Replay of {}: the thick line is at the time shown, dashed ones are events"
-TEXT = "padding: 0 0.6em; font-size: 0.85em"
+REPLAYED = "Replay of {} (upright lines: thick the time shown, dashed events)"
+TEXT = "padding: 0 1.2em 0 0.6em; font-size: 0.85em"
 NUMBER = "text-align: right; padding-left: 0.8em"
 
 
@@ -41,12 +41,13 @@ _CM, _DEG = 100.0, degrees(1)
 
 @dataclass(frozen=True)
 class Chart:
-    """A chart: its title, and for each curve (column of the log, label, colour,
-    factor from the column's unit to the chart's, dashed).
+    """A chart: its title, for each curve (column of the log, label, colour, factor from the
+    column's unit to the chart's, dashed), and what is drawn how, where the legend does not say it.
     """
 
     title: str
     curves: tuple[tuple[str, str, str, float, bool], ...]
+    note: str = ""
 
 
 CHARTS = (
@@ -66,12 +67,12 @@ CHARTS = (
         ("estimated_torque_x_Nm", "x", X, 1e3, False),
         ("estimated_torque_y_Nm", "y", Y, 1e3, False),
     )),
-    Chart("play found so far [deg]: gear, dashed joint", (
+    Chart("play found so far [deg]", (
         ("estimated_gear_play_x_rad", "gear x", X, _DEG, False),
         ("estimated_gear_play_y_rad", "gear y", Y, _DEG, False),
         ("estimated_joint_play_x_rad", "joint x", X, _DEG, True),
         ("estimated_joint_play_y_rad", "joint y", Y, _DEG, True),
-    )),
+    ), ": gear, dashed joint"),
 )  # fmt: skip
 
 
@@ -187,7 +188,7 @@ class Curves:
                 server.gui.add_uplot(
                     data,
                     tuple(series),
-                    title=chart.title,
+                    title=chart.title + chart.note,
                     scales=scales,
                     axes=({"show": last, "size": 32, "space": 60}, {"size": 48, "space": 15}),
                     legend={"show": False},

@@ -167,6 +167,7 @@ def test_a_films_values_are_those_of_its_time_and_blank_where_nothing_is_known()
     assert "At 5.05 s" in said
     assert "+5.00" in said  # cm, as it was seen last
     assert "+2.00" in said
+    assert "dashed" not in said  # numbers have no lines
     assert said.count("></td>") == 8  # five charts of two values, two of which are known
     assert [has_data(chart, rows) for chart in CHARTS] == [True, True, False, False, False]
 
