@@ -86,10 +86,20 @@ def test_a_click_enlarges_a_picture_and_esc_closes_it_alone_while_no_run_is_on(c
         large.wait_for()
         page.keyboard.press("Escape")
         large.wait_for(state="hidden")
+        if stops:
+            page.get_by_text("Stopped, motors at 0 V").wait_for()
         page.wait_for_timeout(300)
         assert bool(program.stops) is stops, state
     program.state, program.stops = "balancing", []
     page.locator("#rig-state", has_text="Balancing").wait_for()
+    page.set_viewport_size({"width": 390, "height": 844})
+    picture.wait_for()
+    wide = picture.bounding_box()["width"]
+    picture.click()
+    wait_for("a larger picture", lambda: large.bounding_box()["width"] > 1.5 * wide, 10.0)
+    page.keyboard.press("Escape")
+    large.wait_for(state="hidden")
+    page.set_viewport_size({"width": 1280, "height": 720})
     page.keyboard.press("Escape")  # no picture is open
     wait_for("Esc", program.stopped, 5.0)
     program.state = "balancing"
