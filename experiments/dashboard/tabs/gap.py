@@ -316,11 +316,11 @@ class GapTab:
         short, hides = answer.short, self.hides_truth
         said = [plain(sentence) for sentence in short.sentences]
         lines = [f"**{sentence}**" for sentence in said[:1]] + said[1:]
-        if short.truth:
-            lines += [HIDDEN if hides else f"**{plain(short.truth)}**", OWN_TABLE]
         if earlier:
             lines.insert(0, f"*Of an earlier analysis ({plain(answer.report.parent.name)}):*")
         lines.append(beside_list(without_truth(short.table) if hides else short.table))
+        if short.truth:
+            lines += [HIDDEN if hides else f"**{plain(short.truth)}**", OWN_TABLE]
         lines += map(plain, short.more)
         self._words.content = "\n\n".join(filter(None, lines))
         self._shows = True

@@ -119,8 +119,10 @@ class FilmView:
         else:
             self._curves.draw(rows, t_s, [at_s for at_s, _ in film.events])
             shadow = playback.past_beside()
-            enough = shadow is not None and len(shadow) > 2
-            self._portrait.draw(past, film.of, (film.beside_of, newest(shadow)) if enough else None)
+            other = None
+            if shadow is not None and len(shadow) > 2:
+                other = film.beside_of, newest(shadow)
+            self._portrait.draw(past, film.of, other)
         video = playback.video
         if video is None:
             alone = NO_VIDEO if beside is None else NO_VIDEO_OF_BOTH

@@ -5,6 +5,7 @@ from contextlib import contextmanager
 from datetime import UTC, datetime
 from math import radians
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -125,7 +126,7 @@ def test_the_answer_is_first_and_how_it_was_measured_is_folded(tmp_path, width_r
     folder = tmp_path / "calibration"
     folder.mkdir()
     write_rig(Rig(effects={"gear_backlash": {"x": {"play_rad": ONE}}}), folder / "table-play.toml")
-    plays = {"gear": {"x": BacklashAxis(width_rad=Value.around(width_rad, 0.001))}}
+    plays: dict[str, Any] = {"gear": {"x": BacklashAxis(width_rad=Value.around(width_rad, 0.001))}}
     record = BacklashRecord(plays=plays, not_seen={})
     Draft(made=datetime.now(UTC), source="simulated", play=record).save(folder / "calibration.json")
     server, _ = open_server("127.0.0.1", 0, "a-token-of-some-length-for-tests")
