@@ -48,6 +48,7 @@ def import_(
     """
     from experiments.importing.formats.choose import read_recording
     from experiments.importing.import_map import merged, read_map, stated
+    from experiments.importing.recording import BadFileError
     from experiments.importing.words import log_line, next_line
     from experiments.records.exporting import export_log, writer_of
     from experiments.records.run_folder import refuse_input
@@ -62,7 +63,10 @@ def import_(
     if map_file is not None:
         made = merged(read_map(map_file), said).model_copy(update={"sources": sources})
     else:
-        made = _proposed(recordings[0], said, sources, yes=yes)
+        try:
+            made = _proposed(recordings[0], said, sources, yes=yes)
+        except BadFileError as error:
+            raise ValueError(f"{files[0]}: {error}") from error
         _refuse_others(files[1:], recordings[1:], made, said)
     logs = _converted(files, recordings, made, told=map_file is None)
     names = [out]

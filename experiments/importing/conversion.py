@@ -7,11 +7,16 @@ import numpy as np
 
 from experiments.importing.clock import read_clock
 from experiments.importing.import_map import ImportMap, SignalMap
-from experiments.importing.recording import BadFileError, Stream, Unreadable, numbers_only
+from experiments.importing.recording import (
+    MIN_ROWS,
+    BadFileError,
+    Stream,
+    Unreadable,
+    numbers_only,
+)
 from experiments.importing.units import factor, family, part_of, quantity
 from rig.log import Log
 
-MIN_ROWS = 20  # fewer say nothing: `rig gap` needs so many
 HELD = ("command", "voltage", "target", "push")  # a value holds until the next one
 MOST_UNREADABLE = 0.01  # of a column's cells; chosen
 BRIDGED_S = 0.1  # chosen: between two samples of an angle no further apart, a straight line

@@ -11,7 +11,7 @@ from experiments.importing.drive import find_volts, settle_speeds, settle_target
 from experiments.importing.import_map import KINDS, SIGNALS, Stated
 from experiments.importing.lone_servo import read_lone_servo
 from experiments.importing.names import hints
-from experiments.importing.recording import Stream, numbers_only
+from experiments.importing.recording import MIN_ROWS, BadFileError, Stream, numbers_only
 from experiments.importing.roles import (
     NAMES,
     assign,
@@ -36,6 +36,9 @@ def propose(stream: Stream, said: Stated | None = None) -> Proposal:
     BadFileError: nothing in it can be compared with anything. ValueError: what was stated does
     not fit the file.
     """
+    if len(stream) < MIN_ROWS:
+        rows = f"{len(stream)} row{'s' if len(stream) > 1 else ''}"
+        raise BadFileError(f"it has {rows} of numbers (limit: at least {MIN_ROWS}): record longer")
     stream = numbers_only(stream)
     said, stream = _by_own_names(stream, said or {})
     draft = Draft(stream, hints(stream.columns, stream.units), said)

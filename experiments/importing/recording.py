@@ -10,6 +10,8 @@ MAX_COLUMNS = (
 )
 MAX_VALUE = 1e20  # a date in nanoseconds is 2e18
 MAX_CELLS = 100_000_000  # chosen: 800 MB as doubles, a day of ten signals at 100 Hz
+MIN_ROWS = 20  # fewer say nothing: `rig gap` needs so many
+TWICE = "a column's name stands twice: {}; rename one of them"
 
 
 class BadFileError(ValueError):
@@ -106,7 +108,7 @@ def joined(streams: Sequence[Stream]) -> Recording:
             continue
         fresh = {name: values for name, values in stream.columns.items() if name != stream.time}
         for name in fresh.keys() & columns.keys():
-            raise BadFileError(f"a column's name stands twice: {name}")
+            raise BadFileError(TWICE.format(name))
         if stream.time is not None and base.time is not None:
             rows, kept, late = _rows_for(base.columns[base.time], stream.columns[stream.time])
             late_s = max(late_s, late)

@@ -178,8 +178,9 @@ def _read_csv(path: Path) -> dict[str, np.ndarray]:
             file.seek(0)
             lines = csv.reader(lines_of(file), delimiter=max(",;\t", key=header.count))
             names = [name.strip() for name in next(lines, [])]
-            if len(set(names)) != len(names):
-                raise ValueError(f"a column's name stands twice in {', '.join(names)}")
+            if twice := sorted({name for name in names if names.count(name) > 1}):
+                names = ", ".join(twice)
+                raise ValueError(f"a column's name stands twice: {names}; rename one of them")
             known = {name: array("d") for name in names if name in INDEX}
             count = 0
             for block in blocks_of(lines, len(names)):

@@ -10,10 +10,15 @@ from typing import Any
 
 import numpy as np
 
-from experiments.importing.recording import MAX_CELLS, BadFileError, Stream, check_size
+from experiments.importing.recording import (
+    MAX_CELLS,
+    MIN_ROWS,
+    BadFileError,
+    Stream,
+    check_size,
+)
 from experiments.records.mat_files import check_inflated, in_file, members
 
-MIN_ROWS = 20  # a shorter array is a gain or a setting, no signal: `rig gap` needs so many rows
 MAX_WIDTH = 64  # chosen: a wider matrix is a picture
 # What an item takes of the room, however often a file links to it; chosen: 50 000 of them, some
 # seconds' work.
@@ -26,7 +31,8 @@ _CURE = (
 
 
 def read_matlab(path: Path) -> list[Stream]:
-    """Read every array of 20 rows or more; one stream a struct that has a time of its own.
+    """Read every array of MIN_ROWS or more, as a shorter one is a gain or a setting; one stream a
+    struct that has a time of its own.
 
     BadFileError: damaged, too large, or it holds nothing but MATLAB's own objects.
     """

@@ -11,7 +11,13 @@ from pathlib import Path
 import numpy as np
 
 from experiments.importing.formats.decimals import NumberColumn, is_number
-from experiments.importing.recording import MAX_COLUMNS, BadFileError, Stream, check_size
+from experiments.importing.recording import (
+    MAX_COLUMNS,
+    TWICE,
+    BadFileError,
+    Stream,
+    check_size,
+)
 from experiments.records.csv_files import blocks_of, lines_of
 
 SEPARATORS = (" ", ",", "|", "\t", ";")  # the later, the less likely to mean anything else
@@ -177,7 +183,7 @@ def _header(before: Sequence[Sequence[str]], width: int) -> tuple[list[str], dic
         units = {n: u.strip("[]() ") for n, u in zip(names, said, strict=True) if u}
     twice = {name for name in names if names.count(name) > 1} if width <= MAX_COLUMNS else set()
     if twice:
-        raise BadFileError(f"a column's name stands twice: {', '.join(sorted(twice))}")
+        raise BadFileError(TWICE.format(", ".join(sorted(twice))))
     return names, units
 
 

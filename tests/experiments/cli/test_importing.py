@@ -138,6 +138,23 @@ def test_questions_are_asked_where_somebody_is_there(tmp_path: Path, monkeypatch
     assert done.exit_code != 0
 
 
+@pytest.mark.parametrize("rows", [1, 2, 19])
+def test_too_few_rows_are_named_as_what_is_wrong(fails, tmp_path: Path, rows: int):
+    path = tmp_path / "few.csv"
+    lines = [f"{0.1 * i:.1f},{i % 3},{i % 5}" for i in range(rows)]
+    path.write_text("\n".join(["t,ball_x_mm,ball_y_mm", *lines, ""]))
+    line = fails("import", path, "--out", tmp_path / "out.csv", "--yes")
+    assert f"{path}: it has {rows} row" in line
+    assert "limit: at least 20" in line
+
+
+def test_a_name_that_stands_twice_has_a_cure(fails, tmp_path: Path):
+    path = tmp_path / "twice.csv"
+    path.write_text("t,x,x\n" + "".join(f"0.{i},{i},{i}\n" for i in range(30)))
+    line = fails("import", path, "--out", tmp_path / "out.csv", "--yes")
+    assert line == f"rig: {path}: a column's name stands twice: x; rename one of them\n"
+
+
 def write(path: Path, header: str, columns: list[np.ndarray]) -> Path:
     rows = (",".join(map(str, row)) for row in np.column_stack(columns))
     path.write_text(header + "\n" + "\n".join(rows) + "\n", encoding="utf-8")

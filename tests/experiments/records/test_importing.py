@@ -145,7 +145,7 @@ def test_csv_of_other_programs(tmp_path):
         (b"t_s,theta_x_rad\n0,1\n1\n", "line 3 has 1 cells, not 2"),
         (b"t_s,theta_x_rad\n0,0.5 rad\n", "row 1: theta_x_rad is '0.5 rad'"),
         (b"t_s;theta_x_rad\n0;0,5\n", "decimal point"),
-        (b"t_s,theta_x_rad,t_s\n0,1,2\n", "twice"),
+        (b"t_s,theta_x_rad,t_s\n0,1,2\n", "twice: t_s; rename one"),
         (b"t_s,theta_x_rad\n\xff\xfe\n", "UTF-8"),
         (b't_s,theta_x_rad\n0,"' + b"1" * 200_000 + b'"\n', "field limit"),
     ],
