@@ -1,8 +1,39 @@
-"""The command line `rig`. Imports nothing until `main` is asked for."""
+"""The command line `rig`. Imports nothing of it until `main` is asked for."""
+
+import os
+import signal
+import sys
+import time
+from contextlib import suppress
+
+ENDING_S = (
+    5.0  # chosen: as `rig.loop.signals.LEAVING_S`; a program that does not end then is killed
+)
+_ended_s: list[float] = []  # when the command was done
 
 
 def main() -> None:
-    """Run `rig` with the arguments of this process, which ends with the command's exit code."""
-    from experiments.cli.application import main as run
+    """Run `rig` with the arguments of this process, which ends with the command's exit code.
 
-    run()
+    A signal that comes where no command hears it, in the midst of the imports, ends the program
+    without a traceback, 128 + its number; one that comes as it ends already changes nothing.
+    """
+    for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK"):
+        number = getattr(signal, name, None)
+        if number is not None and signal.getsignal(number) != signal.SIG_IGN:
+            signal.signal(number, _end)
+    try:
+        from experiments.cli.application import main as run
+
+        run()
+    finally:
+        _ended_s.append(time.monotonic())
+
+
+def _end(number: int, _: object) -> None:
+    if not _ended_s:
+        with suppress(OSError):
+            os.write(2, f"rig: ended by {signal.Signals(number).name}\n".encode())
+        sys.exit(128 + number)
+    if time.monotonic() - _ended_s[0] > ENDING_S:
+        os._exit(128 + number)

@@ -12,7 +12,7 @@ from experiments.dashboard.server.door import allow_files
 from experiments.dashboard.server.server import link_of, open_server
 from experiments.dashboard.session.foxglove_stream import FoxgloveStream
 from rig.hardware.network.token_file import keep_token
-from rig.loop.signals import NAMES
+from rig.loop.signals import NAMES, end_by, heeded
 from rig.parameters import Rig
 
 
@@ -27,7 +27,7 @@ def serve_dashboard(
     say: Callable[[str], None],
 ) -> None:
     """Serve the dashboard until Ctrl-C, SIGTERM or SIGHUP, then level the table and end in order,
-    whatever signals come meanwhile. After Ctrl-C it raises KeyboardInterrupt.
+    whatever signals come meanwhile, and raise what the first of them means (`end_by`).
 
     rig_file: of `rig`, None for the virtual table; out: folder of everything that is made; host,
     port: where to listen (port 0: any free one); foxglove_port: serves the live table to Foxglove,
@@ -49,16 +49,14 @@ def serve_dashboard(
             app.close()
             with redirect_stdout(io.StringIO()):
                 server.stop()
-    if signal.SIGINT in came[:1]:
-        raise KeyboardInterrupt
+    end_by(came[0])
 
 
 @contextmanager
 def _signals() -> Iterator[list[int]]:
     """The signals that ask the program to end, in the order in which they come."""
     came: list[int] = []
-    names = ("SIGINT", *NAMES)
-    numbers = [getattr(signal, name) for name in names if hasattr(signal, name)]
+    numbers = heeded("SIGINT", *NAMES)
     before = {number: signal.signal(number, lambda n, _: came.append(n)) for number in numbers}
     try:
         yield came

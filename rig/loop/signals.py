@@ -32,7 +32,7 @@ class StopSlot(Protocol):
         ...
 
 
-def _numbers(*names: str) -> list[int]:
+def heeded(*names: str) -> list[int]:
     """The signals of these names that this system has and nobody ignores (nohup does)."""
     numbers = [getattr(signal, name) for name in names if hasattr(signal, name)]
     return [number for number in numbers if signal.getsignal(number) != signal.SIG_IGN]
@@ -57,14 +57,14 @@ def leave_on_signals(say: Callable[[str], None]) -> Iterator[None]:
     """While inside, a signal of NAMES, or SIGINT, leaves every context and then the program.
 
     It raises SystemExit, 128 + its number (SIGINT: KeyboardInterrupt), in the main thread, so that
-    a table is left level at 0 V; further ones do the same, but for those of NAMES within LEAVING_S.
-    What lies between may have swallowed that (an import, a destructor, a callback of compiled code
-    do): no later run is begun then (`stop_on_signals`), and it is raised again where long work
-    reports its progress (`leave_if_told`) and at the end, in place of a RuntimeError, too, of what
-    was left in its midst. say: gets a line for a person; what it cannot say (to a terminal that is
-    gone) is left out. It is called in the midst of anything, of an import too, so it must import
-    nothing. A signal that nothing hears, since compiled code does not return, ends the program
-    (`rig.loop.unheard`).
+    a table is left level at 0 V and a recording has its ending; further ones within LEAVING_S
+    change nothing, later ones do the same. What lies between may have swallowed that (an import, a
+    destructor, a callback of compiled code do): no later run is begun then (`stop_on_signals`), and
+    it is raised again where long work reports its progress (`leave_if_told`) and at the end, in
+    place of a RuntimeError, too, of what was left in its midst. say: gets a line for a person; what
+    it cannot say (to a terminal that is gone) is left out. It is called in the midst of anything,
+    of an import too, so it must import nothing. A signal that nothing hears, since compiled code
+    does not return, ends the program (`rig.loop.unheard`).
     """
     raised_s = -LEAVING_S
 
@@ -72,16 +72,16 @@ def leave_on_signals(say: Callable[[str], None]) -> Iterator[None]:
         nonlocal raised_s
         _heard_s[0] = time.monotonic()
         _leaving.append(number)
-        if number == signal.SIGINT:
-            raise KeyboardInterrupt
         if time.monotonic() - raised_s < LEAVING_S:
             return
         raised_s = time.monotonic()
+        if number == signal.SIGINT:
+            raise KeyboardInterrupt
         with suppress(Exception):
             say(f"ended by {signal.Signals(number).name}; what was recorded so far is kept")
         raise SystemExit(128 + number)
 
-    before = {number: signal.signal(number, handle) for number in _numbers(*NAMES, "SIGINT")}
+    before = {number: signal.signal(number, handle) for number in heeded(*NAMES, "SIGINT")}
     _handlers.append(handle)
     try:
         with ended_unheard(lambda: _heard_s[0], _handlers, say), _swallowed_in_silence():
@@ -141,7 +141,7 @@ def stop_on_signals(
         came.append(number)
         slot.put(stop_of(number))
 
-    numbers = _numbers(*NAMES, *also)
+    numbers = heeded(*NAMES, *also)
     before = {number: signal.signal(number, handle) for number in numbers}
     _handlers.append(handle)
     for number in tuple(_leaving):

@@ -22,7 +22,18 @@ from rig.parameters import Rig
 from tests.support import ROOT
 
 
+@pytest.fixture
+def heeded():
+    """The signals as of a program in a terminal: in the background some are ignored."""
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    before = {one: signal.signal(one, signal.default_int_handler) for one in numbers}
+    yield
+    for one, handler in before.items():
+        signal.signal(one, handler)
+
+
 @pytest.mark.skipif(os.name == "nt", reason="signals are POSIX")
+@pytest.mark.usefixtures("heeded")
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
 def test_a_second_signal_breaks_off_no_ending(monkeypatch, tmp_path: Path, name: str):
     number, did = getattr(signal, name), []
@@ -49,13 +60,22 @@ def test_a_second_signal_breaks_off_no_ending(monkeypatch, tmp_path: Path, name:
             say=lambda _: os.kill(os.getpid(), number),
         )
 
-    if name == "SIGINT":
-        with pytest.raises(KeyboardInterrupt):
-            run()
-    else:
+    with pytest.raises(KeyboardInterrupt if name == "SIGINT" else SystemExit) as left:
         run()
+    assert name == "SIGINT" or left.value.code == 128 + number
     assert did == ["closed", "stopped"]
     assert signal.getsignal(number) is before
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals are POSIX")
+@pytest.mark.usefixtures("heeded")
+def test_nohup_keeps_the_end_of_a_terminal_away():
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    with serve._signals() as came:
+        signal.raise_signal(signal.SIGHUP)
+        assert not came
+        signal.raise_signal(signal.SIGTERM)
+        assert came == [signal.SIGTERM]
 
 
 def fill(pipe: int) -> None:

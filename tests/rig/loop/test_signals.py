@@ -12,8 +12,9 @@ from rig.loop.signals import LEAVING_S, leave_if_told, leave_on_signals, stop_on
 
 @pytest.fixture(autouse=True)
 def heeded():
-    """The signals as of a program in a terminal: under nohup one of them is ignored."""
-    before = {one: signal.signal(one, signal.SIG_DFL) for one in (signal.SIGTERM, signal.SIGHUP)}
+    """The signals as of a program in a terminal: in the background some are ignored."""
+    numbers = (signal.SIGTERM, signal.SIGHUP, signal.SIGINT)
+    before = {one: signal.signal(one, signal.default_int_handler) for one in numbers}
     yield
     for one, handler in before.items():
         signal.signal(one, handler)
@@ -98,7 +99,8 @@ def test_a_signal_of_which_nothing_can_be_said_ends_the_program_all_the_same(err
     assert left.value.code == 129
 
 
-def test_further_signals_disturb_no_levelling_and_work_again_later(monkeypatch):
+@pytest.mark.parametrize("further", [signal.SIGTERM, signal.SIGINT])
+def test_further_signals_disturb_no_levelling_and_work_again_later(monkeypatch, further):
     now_s, said, levelled = [100.0], [], []
 
     def program() -> None:
@@ -107,7 +109,7 @@ def test_further_signals_disturb_no_levelling_and_work_again_later(monkeypatch):
                 signal.raise_signal(signal.SIGHUP)
             finally:
                 now_s[0] += LEAVING_S - 0.1
-                signal.raise_signal(signal.SIGTERM)
+                signal.raise_signal(further)
                 levelled.append(True)
                 now_s[0] += 0.2
                 signal.raise_signal(signal.SIGTERM)

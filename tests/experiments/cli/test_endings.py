@@ -1,0 +1,50 @@
+"""A signal that comes where no command hears it: before one begins, and after it was done."""
+
+import signal
+import subprocess
+import sys
+
+import pytest
+
+NAMED = ("SIGINT", "SIGTERM", "SIGHUP")
+BEGIN = """
+import atexit, signal, sys
+number = signal.{name}
+signal.signal(number, signal.default_int_handler)  # in the background some are ignored
+sys.argv = ["rig", "effects", "--no-such-option"]
+from experiments.cli import main
+"""
+IN_AN_IMPORT = """
+class Signal:
+    def find_spec(self, name, *_):
+        if name == "typer":
+            sys.meta_path.remove(self)
+            signal.raise_signal(number)
+sys.meta_path.insert(0, Signal())
+"""
+AS_IT_ENDS = """
+atexit.register(lambda: signal.raise_signal(number))
+"""
+
+
+def told(code: str) -> tuple[int, str]:
+    words = [sys.executable, "-c", code + "main()\n"]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    return done.returncode, done.stderr
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+@pytest.mark.parametrize("name", NAMED)
+def test_in_the_imports_it_ends_the_program_with_one_line(name: str):
+    begin = BEGIN.format(name=name)
+    code, error = told(begin + IN_AN_IMPORT)
+    assert code == 128 + getattr(signal, name)
+    assert error == f"rig: ended by {name}\n"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+@pytest.mark.parametrize("name", NAMED)
+def test_as_the_program_ends_it_changes_neither_code_nor_words(name: str):
+    begin = BEGIN.format(name=name)
+    assert told(begin + AS_IT_ENDS) == told(begin)
+    assert told(begin)[0] == 2
