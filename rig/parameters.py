@@ -84,7 +84,7 @@ class Servo(Section):
     encoder_counts_per_rev: Annotated[int, Gt(0)] = 4096
     voltage_limit_V: Positive = 6.0
     angle_limit_rad: Positive = pi / 6  # B
-    stop_rad: Positive = 0.61  # mechanical end stop: assumed
+    stop_rad: Positive = 0.61  # mechanical end stop: assumed; in a file at least the limit
     tachometer: bool = True
     tachometer_noise_rad_s: NotNegative = 0.005  # assumed (brush ripple), at the load shaft
     tachometer_scale: Finite = 0.0  # relative error of the plant's tachometer; A allows 2 %

@@ -17,6 +17,7 @@ from pydantic import TypeAdapter, ValidationError
 from rig import effects
 from rig.effects import Effect
 from rig.files import file_bytes, first_error_line, known_names, read_toml, toml_of, write_whole
+from rig.linkage import THREE_ARMS
 from rig.own_effects import OwnEffect, catalogue_of, read_effect
 from rig.parameters import CHANNELS, Rig
 from vision.sources.addresses import without_password
@@ -48,9 +49,25 @@ def read_rig(path: str | Path) -> Rig:
     try:
         data, folder = toml_of(path), path.absolute().parent
         own = tuple(read_effect(folder / name) for name in _own_files(data))
-        return _beside(from_dict(data, own), folder)
+        return _beside(_with_stops(from_dict(data, own), data), folder)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
+
+
+def _with_stops(rig: Rig, data: dict[str, Any]) -> Rig:
+    """The rig of a file's `data`, whose arms reach their angle limit: stops that it does not tell
+    lie no nearer. ValueError: those that it tells do."""
+    servo = rig.servo
+    if rig.linkage.kind == THREE_ARMS or servo.stop_rad >= servo.angle_limit_rad:
+        return rig
+    if "stop_rad" in data["servo"]:
+        raise ValueError(
+            f"servo.stop_rad = {servo.stop_rad:g} is below servo.angle_limit_rad = "
+            f"{servo.angle_limit_rad:g}: an arm would strike its stop before its volts are "
+            "limited; lower angle_limit_rad, or correct stop_rad"
+        )
+    servo = dataclasses.replace(servo, stop_rad=servo.angle_limit_rad)
+    return dataclasses.replace(rig, servo=servo)
 
 
 def _beside(rig: Rig, folder: Path) -> Rig:

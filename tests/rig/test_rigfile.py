@@ -149,6 +149,18 @@ def test_a_camera_of_ones_own_lies_beside_the_rig_file(tmp_path: Path, file: str
     assert read_rig(path).table.camera == f"{tmp_path / file}:MyCamera"
 
 
+def test_stops_before_the_angle_limit_are_refused_and_never_assumed(tmp_path: Path):
+    path = tmp_path / "lab.toml"
+    path.write_text("[servo]\nangle_limit_rad = 0.5\nstop_rad = 0.4\n")
+    told = r"stop_rad = 0\.4 is below servo\.angle_limit_rad = 0\.5: "
+    with pytest.raises(ValueError, match=told):
+        read_rig(path)
+    path.write_text("servo.kind = 'position'\nservo.angle_limit_rad = 1.1\n")
+    assert read_rig(path).servo.stop_rad == 1.1
+    recorded = {"servo": {"angle_limit_rad": 0.5, "stop_rad": 0.4}}  # stays readable
+    assert from_dict(recorded).servo.stop_rad == 0.4
+
+
 ARMS = """
 [servo]
 kind = "position"
