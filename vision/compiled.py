@@ -87,8 +87,20 @@ def _mended(load: Callable[..., Any]) -> Callable[..., Any]:
     return load_or_forget
 
 
+def _with_room(save: Callable[..., None]) -> Callable[..., None]:
+    """Numba's `save`, for which a full disk keeps nothing: what was compiled works all the same."""
+
+    @wraps(save)
+    def save_or_not(*args: Any) -> None:
+        with suppress(OSError):
+            save(*args)
+
+    return save_or_not
+
+
 CACHE_NOTE = _choose_cache()
 Cache.load_overload = _mended(Cache.load_overload)
+Cache.save_overload = _with_room(Cache.save_overload)
 
 # Division by zero gives inf or NaN, for which every caller tests.
 kernel = partial(numba.njit, cache=True, error_model="numpy")()

@@ -2,7 +2,9 @@
 
 import os
 import subprocess
+import signal
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -22,7 +24,7 @@ print(CACHE_NOTE)
 """
 
 
-def run(tmp_path: Path, **environment: str) -> list[str]:
+def run(tmp_path: Path, before: Callable[[], None] | None = None, **environment: str) -> list[str]:
     file = tmp_path / "program.py"
     file.write_text(PROGRAM)
     kept = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
@@ -32,6 +34,7 @@ def run(tmp_path: Path, **environment: str) -> list[str]:
         text=True,
         check=True,
         env=kept | {"PYTHONPATH": str(ROOT)} | environment,
+        preexec_fn=before,
     )
     return told.stdout.splitlines()
 
@@ -76,3 +79,18 @@ def test_what_a_power_cut_left_is_compiled_anew(tmp_path, kind: str, left: bytes
         assert note == ""
     (mended,) = (tmp_path / "cache").rglob(kind)
     assert len(mended.read_bytes()) > len(whole) // 2  # the next program has it
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="file size limits are POSIX")
+@pytest.mark.parametrize("room", [0, 1000])
+def test_where_a_full_disk_keeps_nothing_the_program_works_all_the_same(tmp_path, room: int):
+    import resource
+
+    def full() -> None:
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (room, room))
+
+    cache = tmp_path / "cache"
+    line, _ = run(tmp_path, full, XDG_CACHE_HOME=str(cache), PYTHONDONTWRITEBYTECODE="1")
+    assert line.startswith("42 ")
+    assert not list(cache.rglob("*.nbc"))
