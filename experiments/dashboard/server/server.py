@@ -170,8 +170,9 @@ def open_server(host: str, port: int, token: str) -> "tuple[ViserServer, Gate]":
 
     # A connection without a handshake (a port scan, a closed tab) is no fault here: no traceback.
     logging.getLogger("websockets").setLevel(logging.CRITICAL)
-    # viser warns of a message that it does not expect, in the sender's own words.
-    warnings.filterwarnings("ignore", message=r"\[viser\]")
+    # viser warns of a message that it does not expect, in the sender's own words, and of one to a
+    # page that has just left.
+    warnings.filterwarnings("ignore", message=r"\[viser\]|Queued a \w+ on a closed connection")
 
     wake_from_any_thread()
     port = free_port(host, port)

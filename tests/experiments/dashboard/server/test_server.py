@@ -8,6 +8,7 @@ import socket
 import subprocess
 import sys
 import time
+import warnings
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -113,6 +114,16 @@ def test_who_speaks_as_another_version_is_refused_before_viser_prints_a_line(ser
             spoken(gate, origin=own, versions=versions)
     assert spoken(gate, origin=own)
     assert capfd.readouterr().out == ""
+
+
+def test_what_is_said_to_a_page_that_has_left_is_dropped_in_silence():
+    """viser warns of it, once for every page, in its own words."""
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        server, _ = open_server("127.0.0.1", 0, TOKEN)
+        server.stop()
+        server.gui.add_markdown("too late")
+    assert not said
 
 
 def test_no_page_opens_a_tunnel_to_the_internet(served):
