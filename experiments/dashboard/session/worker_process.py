@@ -102,6 +102,7 @@ class WorkerProcess:
         self._pipe: Any = None
         self._killed = False  # the process, or it is about to die
         self._replaced = False  # the work that is being done: nobody waits for its messages
+        self._cancelled = False  # the work that is being done
         self._now, self._closed = "", False
         self._thread = threading.Thread(target=self._serve, daemon=True, name="worker")
         self._thread.start()
@@ -134,9 +135,9 @@ class WorkerProcess:
         with self._wake:
             waited = any(waiting.name == name for waiting in self._waiting)
             self._waiting = deque(waiting for waiting in self._waiting if waiting.name != name)
-            if self._now == name and self._process is not None:
-                self._process.terminate()
-                self._killed = True
+            if self._now == name:
+                self._cancelled = True
+                self._end_process()
             return waited
 
     def close(self) -> None:
@@ -144,8 +145,7 @@ class WorkerProcess:
         with self._wake:
             self._closed = True
             self._waiting.clear()
-            if self._process is not None:
-                self._process.terminate()
+            self._end_process()
             self._wake.notify_all()
         self._thread.join(5.0)
 
@@ -158,7 +158,7 @@ class WorkerProcess:
                 if self._closed:
                     return
                 item = self._waiting.popleft()
-                self._now, self._replaced = item.name, False
+                self._now, self._replaced, self._cancelled = item.name, False, False
             with suppress(Exception):  # of a receiver that failed: the next item is served
                 self._do(item)
 
@@ -166,22 +166,31 @@ class WorkerProcess:
         pipe = self._worker()
         ended = False
         with suppress(EOFError, OSError):
-            pipe.send(item.task)
-            while not ended:
+            if pipe is not None:
+                pipe.send(item.task)
+            while pipe is not None and not ended:
                 kind, what = pipe.recv()
                 ended = kind in ("done", "failed")
                 self._tell(item, kind, what)
         if not ended:
-            self._killed = True
+            with self._wake:
+                self._end_process()
             self._tell(item, "failed", "ended before it was done")
+
+    def _end_process(self) -> None:
+        if self._process is not None:
+            self._process.terminate()
+            self._killed = True
 
     def _tell(self, item: WorkItem, kind: str, what: Any) -> None:
         if not self._replaced:
             item.on_message(kind, what)
 
-    def _worker(self) -> Connection:
-        """The pipe to the process, started where there is none."""
+    def _worker(self) -> Connection | None:
+        """The pipe to the process, started where there is none; None: its work was cancelled."""
         with self._wake:
+            if self._cancelled or self._closed:
+                return None
             if self._killed:
                 self._process.join(5.0)
                 self._pipe.close()

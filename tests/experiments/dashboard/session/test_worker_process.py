@@ -93,3 +93,19 @@ def interrupted(progress):
 
 def test_ctrl_c_is_left_to_the_program(worker):
     assert on_message(worker, "hears it", interrupted) == [("done", "still here")]
+
+
+def test_work_that_is_cancelled_as_it_begins_is_not_done(worker, monkeypatch):
+    begin = worker._worker
+
+    def cancelled():
+        worker.cancel("endless")
+        return begin()
+
+    for _ in range(2):  # without a process, then with one
+        with monkeypatch.context() as patch:
+            patch.setattr(worker, "_worker", cancelled)
+            assert on_message(worker, "endless", endless) == [
+                ("failed", "ended before it was done")
+            ]
+        assert on_message(worker, "good", good)[-1][0] == "done"
