@@ -139,7 +139,7 @@ def members(group: Any) -> Iterator[tuple[str, Any]]:
     """Yield name and content of what a group of HDF5 holds, less MATLAB's own (#...).
 
     ValueError: one lies in another file, whichever way it is led to: else a file from a stranger
-    would read any file of this machine.
+    would read any file of this machine; or it is led to nothing.
     """
     import h5py
 
@@ -147,7 +147,9 @@ def members(group: Any) -> Iterator[tuple[str, Any]]:
         if isinstance(group.get(name, getlink=True), h5py.ExternalLink):
             raise ValueError(f"{name} lies in another file: save the numbers themselves")
         if not name.startswith("#"):
-            yield name, in_file(group.file, name, group[name])
+            if (value := group.get(name)) is None:
+                raise ValueError(f"{name} is a link to nothing: delete it, or save it again")
+            yield name, in_file(group.file, name, value)
 
 
 def in_file(file: Any, name: str, value: Any) -> Any:

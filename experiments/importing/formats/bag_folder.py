@@ -31,13 +31,21 @@ def extremes(stamps_ns: Sequence[int]) -> tuple[int, int]:
     return min(stamps_ns), max(stamps_ns)
 
 
+def is_bag(folder: Path) -> bool:
+    """Whether a folder is a bag's, whole or not, readable here or not."""
+    kinds = (INDEX_FILE, "*.mcap", f"*.mcap{PACKED}", "*.db3", f"*.db3{PACKED}")
+    return any(any(folder.glob(kind)) for kind in kinds)
+
+
 def bag_files(folder: Path) -> tuple[list[Path], list[str]]:
     """The MCAP files of a bag's folder, and notes on those that its metadata.yaml names and that
     are missing. BadFileError: there is none, or one that metadata.yaml does not name.
     """
     files = sorted(folder.glob("*.mcap"))
     if not files:
-        raise BadFileError("a bag is read as MCAP: ros2 bag convert makes one of .db3 files")
+        raise BadFileError(
+            "a bag is read as MCAP: ros2 bag convert makes one of .db3 files, zstd -d unpacks one"
+        )
     named = _named(folder / INDEX_FILE)
     if named is None:
         return files, []

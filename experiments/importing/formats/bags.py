@@ -87,7 +87,8 @@ def read_bag(path: Path) -> list[Stream]:
         except BadFileError:
             raise
         except Exception as error:  # of damaged bytes the decoders raise whatever they meet
-            raise BadFileError(f"{file.name} is not readable as MCAP ({error})") from error
+            why = str(error) or type(error).__name__
+            raise BadFileError(f"{file.name} is not readable as MCAP ({why})") from error
         spans += [
             Span(name, file.name, *extremes(topic.log_time_ns[before.get(name, 0) :]))
             for name, topic in topics.items()

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
+from experiments.importing.formats.bag_folder import is_bag
 from experiments.importing.formats.bags import read_bag
 from experiments.importing.formats.matlab import read_matlab
 from experiments.importing.formats.numpy_files import read_npy, read_npz
@@ -43,7 +44,7 @@ def read_recording(path: Path) -> Recording:
         raise BadFileError(f"{odd} is no file but a pipe or a device, which may have no end")
     if path.is_dir():
         lerobot = (path / "meta" / "info.json").is_file()
-        bag = (path / "metadata.yaml").is_file() or any(path.glob("*.mcap"))
+        bag = is_bag(path)
         reader = read_lerobot if lerobot else read_bag if bag else None
     else:
         reader = READERS.get(path.suffix.lower())

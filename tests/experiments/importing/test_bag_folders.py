@@ -84,3 +84,10 @@ def test_what_is_no_mcap_is_not_called_cut_off(tmp_path: Path):
     (folder / "bag_1.mcap").write_bytes(b"hello world\n" * 50)
     with pytest.raises(BadFileError, match=r"bag_1\.mcap is no MCAP file"):
         read_recording(folder)
+
+
+@pytest.mark.parametrize("name", ["bag_0.db3", "bag_0.mcap.zstd"])
+def test_a_bag_that_is_no_mcap_is_told_how_to_become_one_without_its_index_too(tmp_path, name):
+    (tmp_path / name).write_bytes(b"SQLite format 3")
+    with pytest.raises(BadFileError, match=r"ros2 bag convert makes one of \.db3 files, zstd"):
+        read_recording(tmp_path)

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from scipy.io import savemat
 from scipy.sparse import csc_matrix
 
+from experiments.importing.formats.choose import read_recording
 from experiments.importing.formats.matlab import read_matlab
 from experiments.records.importing import read_log, read_logs
 from tests.support.gap.logs import log_of, table_log
@@ -118,6 +119,15 @@ def test_a_column_that_lies_in_another_file_is_refused(tmp_path):
                 file.create_virtual_dataset("theta_x_rad", layout)
         with pytest.raises(ValueError, match="theta_x_rad lies in another file"):
             read_log(path)
+
+
+@pytest.mark.parametrize("read", [read_log, read_recording])
+def test_a_link_to_nothing_is_named(tmp_path, read):
+    path = write_7_3(tmp_path / "log.mat", {"t_s": np.arange(40.0)})
+    with h5py.File(path, "r+") as file:
+        file["theta_x_rad"] = h5py.SoftLink("/what was deleted")
+    with pytest.raises(ValueError, match="theta_x_rad is a link to nothing: delete it"):
+        read(path)
 
 
 def test_a_column_that_no_file_of_its_size_can_hold_is_refused(tmp_path):
