@@ -1,8 +1,8 @@
 """Where compiled kernels are kept: in a folder of the user's, else in one of this program."""
 
 import os
-import subprocess
 import signal
+import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path

@@ -6,6 +6,8 @@ import sys
 
 import pytest
 
+from tests.support import command
+
 NAMED = ("SIGINT", "SIGTERM", "SIGHUP")
 BEGIN = """
 import atexit, signal, sys
@@ -48,3 +50,15 @@ def test_as_the_program_ends_it_changes_neither_code_nor_words(name: str):
     begin = BEGIN.format(name=name)
     assert told(begin + AS_IT_ENDS) == told(begin)
     assert told(begin)[0] == 2
+
+
+def test_a_file_that_ends_too_early_is_no_interruption(monkeypatch):
+    """The parser takes whatever says so for somebody who left."""
+
+    def too_early(_: object) -> None:
+        raise EOFError("Ran out of input")
+
+    monkeypatch.setattr("experiments.records.recording.recover", too_early)
+    code, _, error = command.told("recover", "some-run")
+    words = "a file, or a process of this program, ended too early: Ran out of input"
+    assert (code, error.strip()) == (1, f"rig: {words}")
