@@ -20,7 +20,7 @@ import numpy as np
 
 from calibration.camera.sheet import CalibrationError
 from rig.parameters import Servo
-from rig.safety.limits import SLEW_V_S, braking, limit
+from rig.safety.limits import SLEW_V_S, braking, free_rate, limit
 from rig.table import Table, takes_angle
 
 Manoeuvre = Generator[tuple[float, int], float, None]
@@ -72,9 +72,11 @@ def perform(
     """
     if takes_angle(table):
         raise CalibrationError("this table's servos take an angle: volts cannot move them")
-    stops = braking(Servo(), table.period_s)  # the usual servo's: this one is not measured yet
-    bounds = (table.voltage_limit_V, ANGLE_LIMIT_RAD, SLEW_V_S * table.period_s, stops)
-    wanted, applied = [next(one) for one in manoeuvres], [0.0, 0.0]
+    servo = Servo()  # the usual one: this one is not measured yet
+    kept = float(np.exp(-table.period_s / servo.time_constant_s))
+    stops = braking(servo, table.period_s)
+    bounds = (table.voltage_limit_V, ANGLE_LIMIT_RAD, SLEW_V_S * table.period_s, stops, 0.0)
+    wanted, applied, free = [next(one) for one in manoeuvres], [0.0, 0.0], [0.0, 0.0]
     rows: list[tuple[float, ...]] = []
     motor, last, ended = [0.0, 0.0], None, 0
     while ended < 2:
@@ -88,7 +90,8 @@ def perform(
             except StopIteration:
                 ended, wanted[a] = ended + 1, (0.0, 0)
             rate = 0.0 if last is None else (angle[a] - last[a]) / table.period_s
-            applied[a] = float(limit(wanted[a][0], angle[a], rate, applied[a], *bounds))
+            free[a] = free_rate(free[a], applied[a], servo.gain_rad_s_V, kept)
+            applied[a] = float(limit(wanted[a][0], angle[a], rate, applied[a], *bounds, free[a]))
         table.drive((applied[0], applied[1]))
         shown = reading.theta_rad if encoder else (np.nan, np.nan)
         rows.append((reading.t_s, *applied, *shown, *speed, wanted[0][1], wanted[1][1]))
