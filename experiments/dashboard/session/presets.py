@@ -22,18 +22,22 @@ class KeptPresets(Mapping[str, Sequence[float]]):
     """Name -> values, kept in the JSON file `path`; count: how many values a preset has.
 
     What the file holds that is no such preset is left out; a file that cannot be read is empty.
+    Before a change it is read anew: another program may have changed it.
     """
 
     def __init__(self, path: Path, count: int) -> None:
-        self._path = path
+        self._path, self._count = path, count
+        self._kept = self._read()
+
+    def _read(self) -> dict[str, list[float]]:
         try:
-            found = dict(json_of(path))
+            found = dict(json_of(self._path))
         except (OSError, ValueError, TypeError):
-            found = {}
-        self._kept = {
+            return {}
+        return {
             name: [float(value) for value in values]
             for name, values in found.items()
-            if _is_preset(name, values, count)
+            if _is_preset(name, values, self._count)
         }
 
     def __getitem__(self, name: str) -> Sequence[float]:
@@ -47,14 +51,15 @@ class KeptPresets(Mapping[str, Sequence[float]]):
 
     def keep(self, name: str, values: Sequence[float]) -> None:
         """Keep the values under the name. ValueError: there are too many; OSError: no room."""
-        if name not in self._kept and len(self) >= MOST_KEPT:
+        kept = self._read()
+        if name not in kept and len(kept) >= MOST_KEPT:
             raise ValueError(f"{MOST_KEPT} presets are kept already: forget one first")
-        self._write({**self._kept, name: list(values)})
+        self._write({**kept, name: list(values)})
 
     def forget(self, name: str) -> None:
         """Forget the preset. KeyError: it was not kept; OSError: the file cannot be written."""
         _ = self._kept[name]
-        self._write({one: values for one, values in self._kept.items() if one != name})
+        self._write({one: values for one, values in self._read().items() if one != name})
 
     def _write(self, kept: dict[str, list[float]]) -> None:
         replace_json(self._path, kept)

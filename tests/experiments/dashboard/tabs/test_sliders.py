@@ -221,3 +221,13 @@ def test_a_kept_name_that_another_preset_has_is_listed_once_and_a_refusal_stays_
     with pytest.raises(ValueError, match=r"none of a, b$"):
         choice("other", ["a", "b"])
     group.controls.queue.close()
+
+
+def test_two_programs_with_one_file_lose_nobodys_presets(tmp_path: Path):
+    file = tmp_path / "gains.json"
+    one, other = KeptPresets(file, 2), KeptPresets(file, 2)
+    one.keep("mine", [1.0, 2.0])
+    other.keep("yours", [3.0, 4.0])
+    assert dict(KeptPresets(file, 2)) == dict(other) == {"mine": [1.0, 2.0], "yours": [3.0, 4.0]}
+    one.forget("mine")
+    assert list(one) == list(KeptPresets(file, 2)) == ["yours"]
