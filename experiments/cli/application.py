@@ -31,8 +31,10 @@ from experiments.cli.sheets import check, sheet
 from experiments.cli.watch import watch
 
 INTERRUPTED = 130
-# What the system says of a name that no file can have, or of a folder in a file's place.
-BAD_NAMES = (errno.ENAMETOOLONG, errno.ELOOP, errno.EISDIR, errno.ENOTDIR, errno.EINVAL)
+# What the system says of a name that no file can have, of a folder in a file's place, and of a
+# place that takes no file.
+NO_FILES = (errno.EISDIR, errno.ENOTDIR, errno.EROFS)
+BAD_NAMES = (errno.ENAMETOOLONG, errno.ELOOP, errno.EINVAL, *NO_FILES)
 LONGEST_LINE = 1000  # characters; chosen: a page of a terminal
 SHIPPED = (Path(__file__).parents[1] / "protocols").glob("*.toml")
 PROTOCOLS = ", ".join(sorted(path.stem for path in SHIPPED))

@@ -1,5 +1,7 @@
-"""A signal that comes where no command hears it: before one begins, and after it was done."""
+"""How a program ends that no command ended: a signal before one begins and after it was done, and
+what the system refused."""
 
+import errno
 import signal
 import subprocess
 import sys
@@ -62,3 +64,11 @@ def test_a_file_that_ends_too_early_is_no_interruption(monkeypatch):
     code, _, error = command.told("recover", "some-run")
     words = "a file, or a process of this program, ended too early: Ran out of input"
     assert (code, error.strip()) == (1, f"rig: {words}")
+
+
+def test_a_place_that_takes_no_file_is_bad_input(monkeypatch):
+    def refused(_: object) -> None:
+        raise OSError(errno.EROFS, "Read-only file system", "table.xml")
+
+    monkeypatch.setattr("experiments.records.recording.recover", refused)
+    assert command.told("recover", "some-run") == (2, "", "rig: table.xml: Read-only file system\n")
