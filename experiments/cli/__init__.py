@@ -1,14 +1,13 @@
 """The command line `rig`. Imports nothing of it until `main` is asked for."""
 
+import atexit
 import os
 import signal
 import sys
 import time
 from contextlib import suppress
 
-ENDING_S = (
-    5.0  # chosen: as `rig.loop.signals.LEAVING_S`; a program that does not end then is killed
-)
+ENDING_S = 5.0  # chosen: as `rig.loop.signals.LEAVING_S`; later ones end the program at once
 _ended_s: list[float] = []  # when the command was done
 
 
@@ -18,10 +17,13 @@ def main() -> None:
     A signal that comes where no command hears it, in the midst of the imports, ends the program
     without a traceback, 128 + its number; one that comes as it ends already changes nothing.
     """
-    for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK"):
-        number = getattr(signal, name, None)
-        if number is not None and signal.getsignal(number) != signal.SIG_IGN:
+    names = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
+    numbers = [getattr(signal, name) for name in names if hasattr(signal, name)]
+    for number in numbers:
+        if signal.getsignal(number) != signal.SIG_IGN:
             signal.signal(number, _end)
+        # Python's own end gives every signal with a handler its default back.
+        atexit.register(signal.signal, number, signal.SIG_IGN)
     try:
         from experiments.cli.application import main as run
 

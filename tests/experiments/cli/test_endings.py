@@ -46,12 +46,22 @@ def test_in_the_imports_it_ends_the_program_with_one_line(name: str):
     assert error == f"rig: ended by {name}\n"
 
 
+AFTER_ITS_HANDLERS = """
+class Last:
+    def __del__(self, kill=__import__("os").kill, own=__import__("os").getpid()):
+        kill(own, int(number))
+sys.last = Last()  # goes with the modules
+"""
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 @pytest.mark.parametrize("name", NAMED)
 def test_as_the_program_ends_it_changes_neither_code_nor_words(name: str):
     begin = BEGIN.format(name=name)
-    assert told(begin + AS_IT_ENDS) == told(begin)
-    assert told(begin)[0] == 2
+    code, error = told(begin)
+    assert code == 2
+    assert told(begin + AS_IT_ENDS) == (code, error)
+    assert told(begin + AFTER_ITS_HANDLERS) == (code, error)
 
 
 def test_a_file_that_ends_too_early_is_no_interruption(monkeypatch):
