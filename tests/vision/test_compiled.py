@@ -24,7 +24,9 @@ print(CACHE_NOTE)
 """
 
 
-def run(tmp_path: Path, before: Callable[[], None] | None = None, **environment: str) -> list[str]:
+def run(
+    tmp_path: Path, before: Callable[[], None] | None = None, /, **environment: str
+) -> list[str]:
     file = tmp_path / "program.py"
     file.write_text(PROGRAM)
     kept = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
