@@ -71,6 +71,12 @@ def _choose_cache() -> str:
     return note
 
 
+def is_compiled(package: str) -> bool:
+    """Whether kernels of the package of this name ("detection") were kept: else their first calls
+    take a minute."""
+    return any(Path(os.environ["NUMBA_CACHE_DIR"]).glob(f"{package}_*/*.nbi"))
+
+
 def _mended(load: Callable[..., Any]) -> Callable[..., Any]:
     """Numba's `load`, for which what cannot be loaded is not there: it is compiled anew. A power
     cut leaves files that are empty, or end too early."""

@@ -200,12 +200,21 @@ def track(
 
         def told(done: int, total: int | None) -> None:
             leave_if_told()  # a stream has no total, and no bar
+            if done == 0:
+                _tell_of_compiling()
             if total:
                 progress("frames", done, max(done, total))
 
         summary = track_video(video, results_folder(out), **how, progress=told)
     for line in summary_words(summary, out):
         say(line)
+
+
+def _tell_of_compiling() -> None:
+    from vision.compiled import is_compiled
+
+    if not is_compiled("detection"):
+        typer.echo("compiling what finds the ball: once only, about a minute", err=True)
 
 
 @app.command()

@@ -75,7 +75,7 @@ def track_video(
     counts in favour of things of that colour; ball_at: (u, v) or (u, v, radius) px in the first
     frame. Told nothing, the ball is the round thing that travels or, at rest, stands out.
     progress(done, total): called with frames of the
-    file, total None for a stream. Returns the content of results.json. OSError, ValueError: the
+    file, total None for a stream; with 0 before the first is looked at. Returns the content of results.json. OSError, ValueError: the
     address has no frames, the colour is unknown, or the frames have another size than the
     calibration's, or `out_dir` would take a file of the address's place.
     """
@@ -94,6 +94,8 @@ def track_video(
         tracker = _tracker(address, source.live, appearance, radius, ball_at)
         out = Path(out_dir)
         out.mkdir(parents=True, exist_ok=True)
+        if progress is not None:
+            progress(0, source.frames_total)
         states, times, troubles = _follow(source, tracker, calibration, out, progress)
         metric = calibration is not None
         summary = _summary(source, tracker, states, times, ball_colour, metric=metric)

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from tests.support import ROOT
+from vision.compiled import is_compiled
 
 PROGRAM = """
 import os, sys
@@ -47,6 +48,14 @@ def test_the_users_folder_is_taken_where_it_can_be_written(tmp_path):
     assert line.startswith(f"42 {tmp_path}/cache/balancing-table-rig/")
     assert line.endswith("True True")
     assert note == ""
+
+
+def test_a_package_counts_as_compiled_once_its_kernels_are_kept(tmp_path, monkeypatch):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
+    assert not is_compiled(tmp_path.name)
+    run(tmp_path, NUMBA_CACHE_DIR=str(tmp_path / "cache"))
+    assert is_compiled(tmp_path.name)
+    assert not is_compiled("detection")
 
 
 @pytest.mark.parametrize(

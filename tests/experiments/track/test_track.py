@@ -55,6 +55,7 @@ def test_results_agree_with_the_truth_and_each_other(tmp_path, film, colour):
     assert tuple(rows[0]) == PIXEL_COLUMNS + METRIC_COLUMNS
     assert summary == json.loads((tmp_path / "out/results.json").read_text())
     assert summary["frames"] == len(rows) == sum(summary["states"].values())
+    assert seen[0] == (0, 66)  # before the whole film is looked at
     assert seen[-1] == (66, 66)
     tracked = 0
     for row in rows:
