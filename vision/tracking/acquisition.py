@@ -241,10 +241,11 @@ class Acquisition:
         return best if sure and met >= 2 and lasted >= waits_s else None
 
     def _arrived(self, thing: Thing, s: Sighting) -> bool:
-        """Whether a thing can have come to where a sighting is: it stayed, or the image changed."""
-        if same_place(thing.last, s):
-            return True
+        """Whether a thing can have come to where a sighting is: the discs overlap, or the
+        image changed."""
         look, radius = s.appearance, s.seen.radius_px
+        if thing.last.far(s) < radius + thing.last.seen.radius_px:
+            return True
         contrast = float(np.abs(look.ball_bgr - look.surround_bgr).max())
         return not self._stir.is_calm(s.place, radius, contrast, thing.last_s)
 

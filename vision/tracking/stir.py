@@ -17,6 +17,7 @@ import numpy as np
 from vision.noise import noise_level
 
 SPAN_S = 0.3  # a ball that starts on a slope of 1 degree rolls 5 mm in it
+MEMORY_S = 2.0  # as long as things are remembered, which are asked where they came from
 SIDE_PX = 200  # chosen: of the longer side of the images compared, in which a small ball is 3 px
 SIGMAS, LEAST_STEP = 6.0, 12.0  # of a change: standard deviations of the noise, grey levels
 LEAST_PX = 6  # area of a patch: a small ball moved by its radius; packing noise changes 1 to 4
@@ -30,7 +31,7 @@ SUB_PX = 16  # parts of a pixel to which a way is drawn
 
 
 class Stir:
-    """Remembers small images of the last `SPAN_S` and where they differ."""
+    """Remembers small images of the last `MEMORY_S`; where those of the last `SPAN_S` differ."""
 
     def __init__(self) -> None:
         self._seen: list[tuple[float, np.ndarray]] = []
@@ -45,12 +46,12 @@ class Stir:
         small = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA))
         small = np.asarray(cv2.GaussianBlur(small, (3, 3), 0))
         self._seen = [
-            x for x in self._seen if 0.0 <= t_s - x[0] <= SPAN_S and x[1].shape == small.shape
+            x for x in self._seen if 0.0 <= t_s - x[0] <= MEMORY_S and x[1].shape == small.shape
         ]
         self._seen.append((t_s, small))
-        change = cv2.absdiff(self._seen[0][1], small).max(2)
+        before = next(image for seen_s, image in self._seen if t_s - seen_s <= SPAN_S)
         self._least = max(LEAST_STEP, SIGMAS * noise_level(small))
-        self._changed = (change > self._least).astype(np.uint8)
+        self._changed = (cv2.absdiff(before, small).max(2) > self._least).astype(np.uint8)
         self._patches, self._labels = _compact(self._changed)
 
     def elsewhere(self, place: tuple[float, float], radius_px: float) -> bool:
@@ -59,22 +60,26 @@ class Stir:
         (u, v), r = self._small(place), radius_px / self._step
         if not any(math.dist((u, v), patch) > 2.0 * r for patch in self._patches):
             return False
-        return self._is_calm(place, radius_px)
+        near = self._near(self._changed, place, 1.5 * radius_px + self._step)
+        return int(near.sum()) < LEAST_PX
 
     def is_calm(
         self, place: tuple[float, float], radius_px: float, contrast: float, since_s: float
     ) -> bool:
         """Whether nothing came to a place (u, v) px since a time: a disc of that radius and
-        contrast [grey levels] would have changed it. Not where the time is not looked back to."""
-        seen = len(self._seen) > 1 and since_s >= self._seen[0][0]
-        return seen and contrast > PLAIN * self._least and self._is_calm(place, radius_px)
+        contrast [grey levels] would have changed it. Not where the time is not remembered."""
+        then = [image for seen_s, image in self._seen[:-1] if seen_s <= since_s]
+        if not then or contrast <= PLAIN * self._least:
+            return False
+        core = 0.5 * radius_px  # where a mark that sways with its plate looks as before
+        old, new = (self._near(x, place, core) for x in (then[-1], self._seen[-1][1]))
+        return not np.abs(old.astype(int) - new).max(2).mean() > self._least
 
-    def _is_calm(self, place: tuple[float, float], radius_px: float) -> bool:
-        """Whether nothing stirs within one and a half radii (px) of a place (u, v)."""
-        (u, v), reach = self._small(place), 1.5 * radius_px / self._step + 1.0
+    def _near(self, small: np.ndarray, place: tuple[float, float], reach_px: float) -> np.ndarray:
+        """What a small image shows in a square about a place (u, v) px."""
+        (u, v), reach = self._small(place), reach_px / self._step
         x, y = max(0, round(u - reach)), max(0, round(v - reach))
-        near = self._changed[y : round(v + reach) + 1, x : round(u + reach) + 1]
-        return int(near.sum()) < LEAST_PX
+        return small[y : max(0, round(v + reach)) + 1, x : max(0, round(u + reach)) + 1]
 
     def joined(self, way: list[tuple[float, float]], radius_px: float, *, still: bool) -> bool:
         """Whether what changed at a thing is part of something larger; `way`: places (u, v) px that

@@ -215,10 +215,12 @@ class Things:
         self.all = [thing for thing in self.all if thing.other]
 
     def ball_is_not(self, t_s: float, still: Sighting) -> None:
-        """What was taken for the ball at `t_s` is a thing that stays; all else may be the ball."""
-        self.ball_was_not()
+        """What was taken for the ball at `t_s` stayed while others stirred, as what else was seen
+        may have done: none of it is the ball until it moves."""
         self.all = [x for x in self.all if x.last.far(still) > still.seen.radius_px]
-        self.all.append(Thing([t_s], [still], looks=1, other=True))
+        self.all.append(Thing([t_s], [still], looks=1))
+        for thing in self.all:
+            thing.other = True
 
     def ball_was_not(self) -> None:
         """What `ball_is` said last was a mistake."""

@@ -83,7 +83,24 @@ def test_nothing_came_to_where_the_image_did_not_change():
     assert stir.is_calm(MARK[:2], MARK[2], 90.0, 0.0)
     assert not stir.is_calm((120.0, 160.0), 15.0, 90.0, 0.0)  # here it did
     assert not stir.is_calm(MARK[:2], MARK[2], 12.0, 0.0)  # too faint to be sure
-    assert not stir.is_calm(MARK[:2], MARK[2], 90.0, -1.0)  # not looked back to
+    assert not stir.is_calm(MARK[:2], MARK[2], 90.0, -1.0)  # not remembered
+
+
+def test_nothing_came_to_where_the_image_is_as_it_was_a_second_ago():
+    """Two marks that are seen by turns, at looks far apart, are no ball that goes to and fro."""
+    stir = Stir()
+    for k in range(12):
+        stir.add(0.1 * k, table(100.0 + (60.0 if k > 3 else 0.0)))
+    assert stir.is_calm(MARK[:2], MARK[2], 90.0, 0.2)
+    assert not stir.is_calm((170.0, 160.0), 15.0, 90.0, 0.2)  # long ago, but since then
+    assert stir.is_calm((170.0, 160.0), 15.0, 90.0, 0.4)
+
+
+def test_nothing_came_to_a_mark_that_sways_with_its_plate():
+    stir = Stir()
+    for k in range(6):
+        stir.add(0.1 * k, np.roll(table(100.0), k // 3, axis=1))
+    assert stir.is_calm(MARK[:2], MARK[2], 90.0, 0.0)
 
 
 def test_what_changes_on_all_sides_may_be_the_light():
