@@ -15,6 +15,6 @@ def noise_level(image: np.ndarray) -> float:
     J. Immerkaer, "Fast noise variance estimation", CVIU 64 (1996): the mean response of a
     difference of two Laplacians, blind to constant, linear and quadratic shading.
     """
-    kernel = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32)
-    response = cv2.filter2D(image[:, :, 1], cv2.CV_32F, kernel)
-    return float(np.abs(response).mean()) * math.sqrt(math.pi / 2) / 6
+    taps = np.array([1.0, -2.0, 1.0])
+    response = cv2.sepFilter2D(image[:, :, 1], cv2.CV_16S, taps, taps)
+    return cv2.norm(response, cv2.NORM_L1) / response.size * math.sqrt(math.pi / 2) / 6

@@ -165,9 +165,9 @@ def _distinct(found: list[Circle], at_most: int) -> list[Circle]:
     A short circumference is completed by chance more easily, hence the root of the radius.
     """
     kept: list[Circle] = []
-    for c in sorted(found, key=lambda c: -c.score * np.sqrt(c.radius_px)):
+    for c in sorted(found, key=lambda c: -c.score * math.sqrt(c.radius_px)):
         if all(
-            np.hypot(c.u_px - k.u_px, c.v_px - k.v_px) > 0.7 * max(c.radius_px, k.radius_px)
+            math.hypot(c.u_px - k.u_px, c.v_px - k.v_px) > 0.7 * max(c.radius_px, k.radius_px)
             for k in kept
         ):
             kept.append(c)
