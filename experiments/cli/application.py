@@ -181,7 +181,7 @@ def track(
     ] = None,
 ) -> None:
     """Track a ball in real footage. Makes track.csv, a film with overlay, a contact sheet."""
-    from experiments.cli.console import bars
+    from experiments.cli.console import bars, tell_of_compiling
     from experiments.records.run_folder import results_folder
     from experiments.track.track import place_of, track_video
     from experiments.track.words import summary_words
@@ -201,20 +201,13 @@ def track(
         def told(done: int, total: int | None) -> None:
             leave_if_told()  # a stream has no total, and no bar
             if done == 0:
-                _tell_of_compiling()
+                tell_of_compiling()
             if total:
                 progress("frames", done, max(done, total))
 
         summary = track_video(video, results_folder(out), **how, progress=told)
     for line in summary_words(summary, out):
         say(line)
-
-
-def _tell_of_compiling() -> None:
-    from vision.compiled import is_compiled
-
-    if not is_compiled("detection"):
-        typer.echo("compiling what finds the ball: once only, about a minute", err=True)
 
 
 @app.command()

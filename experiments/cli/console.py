@@ -1,5 +1,6 @@
 """What a terminal shows: progress bars and tables."""
 
+import sys
 import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
@@ -71,6 +72,15 @@ def _lines(console: Console) -> ProgressCall:
                 print(f"{stage}: {done} of {total}", file=console.file, flush=True)
 
     return show
+
+
+def tell_of_compiling() -> None:
+    """Say on standard error that what follows the ball has to be compiled first, where it has."""
+    from vision.compiled import is_compiled
+
+    if not is_compiled("detection"):
+        with suppress(OSError):  # nobody reads it
+            print("compiling what finds the ball: once only, about a minute", file=sys.stderr)
 
 
 COLUMNS = (

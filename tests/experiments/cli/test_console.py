@@ -21,3 +21,14 @@ def test_a_stage_is_told_as_it_begins_and_ends_and_now_and_then(capsys, monkeypa
         "report: 0 of 2",
         "report: 2 of 2",
     ]
+
+
+def test_what_has_to_be_compiled_first_is_said_once(tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    console.tell_of_compiling()
+    assert "compiling" in capsys.readouterr().err
+    kept = tmp_path / "detection_0123" / "outline.trace_rays-1.py311.nbi"
+    kept.parent.mkdir()
+    kept.touch()
+    console.tell_of_compiling()
+    assert capsys.readouterr() == ("", "")
