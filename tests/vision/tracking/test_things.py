@@ -121,7 +121,7 @@ def test_what_was_elsewhere_during_a_mistake_may_be_the_ball():
 def test_what_stayed_with_a_mark_that_was_taken_for_the_ball_is_not_the_ball_either():
     things = watched(lambda k: sighting(300, 300), lambda k: sighting(50, 50))
     things.ball_is(sighting(50, 50))
-    things.add(10.5, [sighting(400, 100)])  # seen for the first time
+    things.add(10.5, [sighting(300, 300), sighting(400, 100, 30.0)])  # one is new
     things.ball_is_not(11.0, sighting(50, 50))
     assert [t.last.place for t in things.all] == [(300, 300), (400, 100), (50, 50)]
     assert all(t.other for t in things.all)
