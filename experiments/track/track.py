@@ -74,10 +74,10 @@ def track_video(
     calibration: without it positions are in pixels alone; ball_colour: a name or "#rrggbb", which
     counts in favour of things of that colour; ball_at: (u, v) or (u, v, radius) px in the first
     frame. Told nothing, the ball is the round thing that travels or, at rest, stands out.
-    progress(done, total): called with frames of the
-    file, total None for a stream; with 0 before the first is looked at. Returns the content of results.json. OSError, ValueError: the
-    address has no frames, the colour is unknown, or the frames have another size than the
-    calibration's, or `out_dir` would take a file of the address's place.
+    progress(done, total): called with frames of the file, total None for a stream; with 0 before
+    the first is looked at. Returns the content of results.json. OSError, ValueError: the address
+    has no frames, the colour is unknown, or the frames have another size than the calibration's,
+    or `out_dir` would take a file of the address's place.
     """
     from vision.detection.appearance import Appearance
     from vision.sources.sources import open_source
