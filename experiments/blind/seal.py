@@ -73,6 +73,9 @@ def open_seal(out: Path, sha256: str) -> list[BlindTrial]:
             f"{out / TRUTH}: the seal is broken (hash {found[:12]}, not {sha256[:12]})"
         )
     try:
-        return TypeAdapter(list[BlindTrial]).validate_json(content)
+        trials = TypeAdapter(list[BlindTrial]).validate_json(content)
     except ValidationError as error:
         raise ValueError(f"{out / TRUTH}: {first_error_line(error)}") from None
+    if not trials:
+        raise ValueError(f"{out / TRUTH}: no trial in it, nothing to score with")
+    return trials

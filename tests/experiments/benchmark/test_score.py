@@ -7,7 +7,6 @@ import shutil
 from dataclasses import replace
 from math import inf, sqrt
 from pathlib import Path
-from typing import Any
 
 import pytest
 from typer.testing import CliRunner
@@ -205,10 +204,11 @@ def test_answers_without_their_seconds_are_one_line(folder: Path, text: str):
         ({"hidden": [1]}, "hidden"),
         ({"noise": None}, "noise"),
         ({"kind": 5}, "kind"),
+        (None, "no trial in it"),
     ],
 )
-def test_a_truth_that_is_none_is_one_line(folder: Path, changes: dict[str, Any], words: str):
-    text = json.dumps([to_plain(TRIALS[0]) | changes])
+def test_a_truth_that_is_none_is_one_line(folder: Path, changes: dict | None, words: str):
+    text = json.dumps([] if changes is None else [to_plain(TRIALS[0]) | changes])
     (folder / "set/sealed/truth.json").write_text(text)
     seal_of_it = {"sha256": hashlib.sha256(text.encode()).hexdigest()}
     (folder / "set/seal.json").write_text(json.dumps(seal_of_it))
