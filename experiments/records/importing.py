@@ -6,6 +6,7 @@ what else is missing, or unknown and left out, stands in the log's `notes`.
 
 import csv
 from array import array
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
@@ -178,9 +179,9 @@ def _read_csv(path: Path) -> dict[str, np.ndarray]:
             file.seek(0)
             lines = csv.reader(lines_of(file), delimiter=max(",;\t", key=header.count))
             names = [name.strip() for name in next(lines, [])]
-            if twice := sorted({name for name in names if names.count(name) > 1}):
-                names = ", ".join(twice)
-                raise ValueError(f"a column's name stands twice: {names}; rename one of them")
+            if twice := sorted(name for name, times in Counter(names).items() if times > 1):
+                told = ", ".join(twice)
+                raise ValueError(f"a column's name stands twice: {told}; rename one of them")
             known = {name: array("d") for name in names if name in INDEX}
             count = 0
             for block in blocks_of(lines, len(names)):
