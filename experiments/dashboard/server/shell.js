@@ -4,7 +4,7 @@
   "use strict";
   const EVERY_MS = 1000, SOON_MS = 150, PATIENCE_MS = 3000, LONG_MS = 5000,
     GIVEN_UP_MS = 30000, CONNECT_MS = 10000, LAID_OUT_MS = 500;
-  const NO_RUN = ["balancing", "pause", "at rest", "stopped"];
+  const NO_VOLTS = ["at rest", "stopped"];
   const STATES = {
     starting: "Starting", balancing: "Balancing", running: "Run is on",
     pause: "Pause between runs", stopping: "Stopping: the plate is levelled",
@@ -140,11 +140,11 @@
   stop.addEventListener("pointerdown", (event) => { if (event.button === 0) halt(); });
   stop.addEventListener("click", (event) => { if (event.detail === 0) halt(); });
   // Esc stops whatever has the focus, a list that it closes, too: who is afraid presses it once.
-  // Only an enlarged picture it closes alone, and only while the program says that no run is on.
+  // Only an enlarged picture it closes alone, and only while the program says that the motors are at 0 V.
   const enlarged = () => document.querySelector(".mantine-Modal-body img");
-  const noRun = () => lostAt === null && stoppingAt === null && NO_RUN.includes(now);
+  const noVolts = () => lostAt === null && stoppingAt === null && NO_VOLTS.includes(now);
   addEventListener("keydown", (event) => {
-    if (event.key === "Escape" && !event.repeat && !(enlarged() && noRun())) halt();
+    if (event.key === "Escape" && !event.repeat && !(enlarged() && noVolts())) halt();
   }, true);
   // viser enlarges a picture by an icon alone, which it shows while a mouse is over the picture.
   addEventListener("click", (event) => {

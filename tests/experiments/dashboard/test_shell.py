@@ -68,7 +68,7 @@ def test_esc_stops_whatever_has_the_focus_and_closes_a_list(chromium, program):
 
 
 @pytest.mark.slow
-def test_a_click_enlarges_a_picture_and_esc_closes_it_alone_while_no_run_is_on(chromium, program):
+def test_a_click_enlarges_a_picture_and_esc_closes_it_alone_at_0_volts(chromium, program):
     grey = np.full((300, 400, 3), 128, np.uint8)
     program.server.gui.add_image(grey, label="a figure", order=-1)
     program.state = "balancing"
@@ -78,9 +78,13 @@ def test_a_click_enlarges_a_picture_and_esc_closes_it_alone_while_no_run_is_on(c
     picture = page.locator('img[src^="blob:"]').first
     picture.wait_for(timeout=120e3)
     large = page.locator(".mantine-Modal-body img")
-    for state, stops in (("balancing", False), ("running", True), ("pause", False)):
+    for state, words, stops in (
+        ("stopped", "Stopped, motors at 0 V", False),
+        ("balancing", "Balancing", True),
+        ("running", "Run is on", True),
+        ("pause", "Pause", True),
+    ):
         program.state, program.stops = state, []
-        words = {"balancing": "Balancing", "running": "Run is on", "pause": "Pause"}[state]
         page.locator("#rig-state", has_text=words).wait_for()
         picture.click()
         large.wait_for()
