@@ -4,6 +4,7 @@ a test is tried again.
 
 import os
 import re
+import signal
 import sys
 import time
 from pathlib import Path
@@ -108,3 +109,14 @@ def artefacts(tmp_path: Path) -> Path:
     folder = Path(os.environ.get("RIG_ARTEFACTS", tmp_path / "shots"))
     folder.mkdir(parents=True, exist_ok=True)
     return folder
+
+
+@pytest.fixture
+def heeded():
+    """The signals as of a program in a terminal: in the background some are ignored."""
+    names = ("SIGINT", "SIGTERM", "SIGHUP")
+    numbers = [getattr(signal, name) for name in names if hasattr(signal, name)]
+    before = {one: signal.signal(one, signal.default_int_handler) for one in numbers}
+    yield
+    for one, handler in before.items():
+        signal.signal(one, handler)

@@ -9,15 +9,7 @@ import pytest
 from rig.loop.commands import CommandSlot
 from rig.loop.signals import LEAVING_S, leave_if_told, leave_on_signals, stop_on_signals
 
-
-@pytest.fixture(autouse=True)
-def heeded():
-    """The signals as of a program in a terminal: in the background some are ignored."""
-    numbers = (signal.SIGTERM, signal.SIGHUP, signal.SIGINT)
-    before = {one: signal.signal(one, signal.default_int_handler) for one in numbers}
-    yield
-    for one, handler in before.items():
-        signal.signal(one, handler)
+pytestmark = pytest.mark.usefixtures("heeded")
 
 
 class Thing:
