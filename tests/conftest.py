@@ -15,9 +15,8 @@ from hypothesis import settings
 if "tests.support" not in sys.modules:  # but for a plugin that lies in it (bare_machine)
     pytest.register_assert_rewrite("tests.support")
 
-from rig.hardware.board.link import LinkLost
 from tests.support import parts
-from tests.support.standstill import RERUN_DELAY_S, RERUNS, Watch
+from tests.support.standstill import RERUN_DELAY_S, RERUNS, Watch, link_was_lost
 
 # A machine may be busy, or have to compile. CI draws the same examples each time, so that what it
 # says is of the change alone; whoever runs the tests by hand draws new ones.
@@ -69,7 +68,7 @@ _watches: list[Watch] = []  # of this process: none before the first test that i
 
 
 def _stood_still(error: BaseException | None) -> bool:
-    return _watches[0].saw_a_halt() or isinstance(error, LinkLost)
+    return _watches[0].saw_a_halt() or link_was_lost(error)
 
 
 @pytest.hookimpl(tryfirst=True)

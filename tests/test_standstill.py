@@ -1,4 +1,4 @@
-"""The watch by which a test that failed is tried again: it sees a halt, and tells of it once."""
+"""What makes a test be tried again: a halt, told once by the watch, or a lost link."""
 
 import os
 import signal
@@ -6,7 +6,8 @@ import time
 
 import pytest
 
-from tests.support.standstill import HALT_S, Watch
+from rig.hardware.board.link import LinkLost
+from tests.support.standstill import HALT_S, Watch, link_was_lost
 from tests.support.waiting import wait_for
 
 
@@ -27,3 +28,21 @@ def _halted(watch: Watch) -> bool:
     os.kill(watch.pid, signal.SIGCONT)
     time.sleep(2 * HALT_S)
     return watch.saw_a_halt()
+
+
+@pytest.mark.parametrize(
+    ("error", "lost"),
+    [(LinkLost("silent"), True), (LinkLost("round trip"), None), (ValueError("x"), False)],
+)
+def test_a_link_lost_for_another_reason_than_expected_counts_as_lost(error, lost):
+    def failure():
+        try:
+            with pytest.raises(LinkLost, match="round trip"):
+                raise error
+        except Exception as failed:
+            return failed
+        return None
+
+    failed = failure()
+    assert (failed is None) == (lost is None)
+    assert link_was_lost(failed) == bool(lost)

@@ -11,7 +11,7 @@ import subprocess
 import sys
 import threading
 
-from rig.hardware.board.link import LINK_DEAD_S
+from rig.hardware.board.link import LINK_DEAD_S, LinkLost
 
 RERUNS = 3  # chosen: four halts in four tries are the test's own doing
 RERUN_DELAY_S = 20  # chosen: what makes a machine halt lasts for seconds
@@ -58,3 +58,9 @@ class Watch:
         self._listener.join()
         assert self._process.stdout is not None
         self._process.stdout.close()
+
+
+def link_was_lost(error: BaseException | None) -> bool:
+    """Whether a test failed by a lost link: by its error, or because `pytest.raises` waited for
+    another reason to lose it (the error that came is the context of that failure)."""
+    return isinstance(error, LinkLost) or isinstance(getattr(error, "__context__", None), LinkLost)
