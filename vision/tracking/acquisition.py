@@ -206,6 +206,7 @@ class Acquisition:
             and not thing.is_ring(reach)
             and not self.things.is_part(thing, reach)
             and not self._joined(thing, reach, frame.t_s)
+            and (self._is_like_known(thing, image) or not self.things.has_twin(thing, reach))
         ]
         if not ranked or ranked[0].last_s != frame.t_s:
             return None
@@ -218,8 +219,7 @@ class Acquisition:
         moves = best.travel(reach) > 1.0
         if n < 0.6 * best.looks or (best.other and not moves) or not best.is_usual:
             return None
-        like = self._known is not None and self._known.like(image, best.last)
-        if like:
+        if self._is_like_known(best, image):
             return best if n >= 2 and lasted >= KNOWN_S and ahead > STANDS_OUT else None
         # Grain differs at every glance; whether one thing outdoes another, looks alone tell.
         sure = lead > (STANDS_OUT if moves else STANDS_OUT_AT_REST)
@@ -239,6 +239,10 @@ class Acquisition:
         if (best.last.flat or best.flattened) and stirs:
             return None
         return best if sure and met >= 2 and lasted >= waits_s else None
+
+    def _is_like_known(self, thing: Thing, image: np.ndarray) -> bool:
+        """Whether a thing has size and colours of the ball that was lost."""
+        return self._known is not None and self._known.like(image, thing.last)
 
     def _arrived(self, thing: Thing, s: Sighting) -> bool:
         """Whether a thing can have come to where a sighting is: the discs overlap, or the
@@ -261,7 +265,7 @@ class Acquisition:
 
     def _score(self, thing: Thing, image: np.ndarray) -> float:
         score = thing.score(_reach(image))
-        if self._known is not None and not thing.missed and self._known.like(image, thing.last):
+        if not thing.missed and self._is_like_known(thing, image):
             score *= LIKE
         if self._colour is not None and fits(self._colour, thing.last):
             score *= NAMED

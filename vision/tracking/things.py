@@ -233,9 +233,25 @@ class Things:
         `reach_px`: what counts as travelling."""
         return any(_is_of(thing, other, reach_px) for other in self.all if other is not thing)
 
+    def has_twin(self, thing: Thing, reach_px: float) -> bool:
+        """Whether another thing that is seen now has its size and colour and, where it travels,
+        drifts too: screws and dots of a plate are several, the ball is one."""
+        travels = thing.travel(reach_px) > 1.0
+        return any(
+            _look_alike(thing, other) and (other.drifts(reach_px) or not travels)
+            for other in self.all
+            if other is not thing and not other.missed and len(other.times) + other.glances > 1
+        )
+
     def ranked(self, reach_px: float) -> list[Thing]:
         """The things by their score, best first; `reach_px`: what counts as travelling."""
         return sorted(self.all, key=lambda thing: -thing.score(reach_px))
+
+
+def _look_alike(thing: Thing, other: Thing) -> bool:
+    size = abs(math.log(thing.radius_px / other.radius_px))
+    colours = thing.last.appearance.ball_bgr - other.last.appearance.ball_bgr
+    return size < UNLIKE_SIZE and float(np.linalg.norm(colours)) < UNLIKE_COLOUR
 
 
 def _is_of(thing: Thing, other: Thing, reach_px: float) -> bool:

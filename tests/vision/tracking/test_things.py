@@ -43,6 +43,31 @@ def test_equal_marks_stay_apart_and_do_not_travel():
     assert all(len(t.times) == 12 and t.travel(REACH) < 0.2 for t in things.all)
 
 
+def test_screws_are_twins_and_a_ball_among_them_has_none():
+    screws = [lambda k, u=u: sighting(u, 60, 5, bgr=(40, 40, 40)) for u in (50, 590)]
+    ball = lambda k: sighting(300, 200, 5, bgr=(40, 120, 200))  # noqa: E731
+    things = watched(*screws, ball)
+    assert [things.has_twin(t, REACH) for t in things.all] == [True, True, False]
+
+
+def test_a_mover_is_no_twin_of_what_stays_but_of_what_moves_as_far():
+    still = lambda k: sighting(100, 100)  # noqa: E731
+    movers = [lambda k, v=v: sighting(200 + 15 * k, v) for v in (200, 300)]
+    things = watched(still, movers[0])
+    assert [things.has_twin(t, REACH) for t in things.all] == [True, False]
+    both = watched(*movers)
+    assert all(both.has_twin(t, REACH) for t in both.all)
+
+
+def test_what_was_seen_once_or_is_gone_is_no_twin():
+    there = lambda k: sighting(100, 100)  # noqa: E731
+    once = lambda k: sighting(400, 300) if k == 9 else None  # noqa: E731
+    gone = lambda k: sighting(400, 300) if k < 6 else None  # noqa: E731
+    for other in (once, gone):
+        things = watched(there, other)
+        assert not things.has_twin(things.all[0], REACH)
+
+
 def test_plate_marks_that_tilt_travel_less_than_the_ball():
     mark = lambda k: sighting(100 + 5 * np.sin(k), 100, 20, bgr=(0, 0, 0), evidence=2.0)  # noqa: E731
     ball = lambda k: sighting(300 + 40 * np.sin(0.4 * k), 200)  # noqa: E731

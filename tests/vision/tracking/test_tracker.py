@@ -166,6 +166,28 @@ def test_a_ball_that_was_lost_is_not_replaced_at_once_by_a_mover_of_another_size
     assert "track" not in states
 
 
+def discs(*discs_at, seconds):
+    """A plain plate, 30 frames a second, with dark discs (u, v, radius) px where each of the
+    functions of time `discs_at` has one."""
+    film = Film()
+    for k in range(round(30 * seconds)):
+        image = np.full((240, 320, 3), 200.0, np.float32)
+        for at in discs_at:
+            if (place := at(k / 30.0)) is not None:
+                disc(image, place[:2], place[2], np.full(3, 40.0))
+        film.add(image.astype(np.uint8), k / 30.0, None)
+    return film
+
+
+def test_of_equal_dots_at_rest_none_is_the_ball_and_one_alone_is():
+    """Though one is aimed at and the other lies in a corner, as some screw of a plate does."""
+    middle, corner = (lambda t: (160.0, 120.0, 6.0)), (lambda t: (300.0, 20.0, 6.0))
+    two, _ = follow(discs(middle, corner, seconds=1.5), Tracker())
+    alone, _ = follow(discs(middle, seconds=1.5), Tracker())
+    assert {track.state for track in two} == {"search"}
+    assert alone[-1].state == "track"
+
+
 def test_a_ball_that_was_lost_is_not_replaced_at_once_by_a_mover_that_is_hardly_seen():
     """Of its very size, as a fingertip may be, but in another colour and not clearly round."""
     rng, tracker = np.random.default_rng(1), Tracker()
