@@ -134,6 +134,25 @@ def relief(image, u, v, radius):
 
 
 @kernel
+def company(image, u, v, r_in, r_out, surround, direction):
+    """Share (0..1) of the pixels at distances r_in <= r < r_out px from (u, v) that look more like
+    the disc than like its `surround` (3,), along `direction` (3,) of `fisher`."""
+    h, wd, _ = image.shape
+    total, alike = 0, 0
+    step = max(1, int(r_out / 20.0))
+    for i in range(max(0, int(v - r_out)), min(h, int(v + r_out) + 2), step):
+        for j in range(max(0, int(u - r_out)), min(wd, int(u + r_out) + 2), step):
+            d = (i - v) ** 2 + (j - u) ** 2
+            if r_in * r_in <= d < r_out * r_out:
+                share = 0.0
+                for c in range(3):
+                    share += (image[i, j, c] - surround[c]) * direction[c]
+                total += 1
+                alike += share > 0.5
+    return alike / total if total else 0.0
+
+
+@kernel
 def mean_probability(image, table, u, v, r_in, r_out):
     """Mean P(ball) (0..1) of the pixels at distances r_in <= r < r_out from (u, v); 0 where there
     are none."""

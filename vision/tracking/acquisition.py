@@ -203,8 +203,7 @@ class Acquisition:
             thing
             for thing in ranked
             if thing.evidence >= LEAST_EVIDENCE
-            and not thing.is_ring(reach)
-            and not self.things.is_part(thing, reach)
+            and self.things.may_be_ball(thing, reach)
             and not self._joined(thing, reach, frame.t_s)
             and (self._is_like_known(thing, image) or not self.things.has_twin(thing, reach))
         ]

@@ -12,7 +12,7 @@ from vision.detection.appearance import NOISE_FLOOR, Appearance
 from vision.detection.detector import RAYS_SHARE, Detection
 from vision.detection.hough_circles import Circle, circles_of_any_size
 from vision.detection.outline import FLAT_STD, rays_of
-from vision.detection.pixels import relief, turn_steps
+from vision.detection.pixels import company, relief, turn_steps
 from vision.detection.streaks_and_mirrors import locate_shrunk, mirror_silhouette
 from vision.tracking.gate import is_plausible, outline_significance
 
@@ -44,7 +44,8 @@ class Sighting:
     was seen; 0 and less is none. `likely` is what speaks for a ball at rest before anything moved:
     a camera is aimed at its plate (1 in the image's middle, 0.5 in its corners), and light shades a
     ball but not a flat mark or coin (down to `FLAT`, which is `flat`). `round` tells a ball at rest
-    from a disc that is seen aslant, which is flattened: 1 for a circle, towards 0.
+    from a disc that is seen aslant, which is flattened: 1 for a circle, towards 0. `company` is the
+    share of what lies about it, up to three radii, that has its colour.
     """
 
     seen: Detection
@@ -53,6 +54,7 @@ class Sighting:
     likely: float = 1.0
     flat: bool = False
     round: float = 1.0
+    company: float = 0.0
 
     @property
     def place(self) -> tuple[float, float]:
@@ -138,7 +140,8 @@ def sight(
     evidence *= max(0.2, 1.0 - 0.5 * rough)
     solid = relief(image, found.u_px, found.v_px, found.radius_px) / RELIEF
     likely = (1.0 - 0.5 * off**2) * min(max(solid, FLAT), 1.0) * (FAINT if faint else 1.0)
-    return Sighting(found, appearance, evidence, likely, solid <= FLAT, _roundness(found))
+    alike = _company(image, found, appearance)
+    return Sighting(found, appearance, evidence, likely, solid <= FLAT, _roundness(found), alike)
 
 
 def _roundness(found: Detection) -> float:
@@ -146,6 +149,14 @@ def _roundness(found: Detection) -> float:
     `FLAT_STD` and what the residuals of the outline leave uncertain."""
     noise = RAYS_SHARE / rays_of(found.radius_px) * (found.residual_px / found.radius_px) ** 2
     return math.exp(-0.5 * found.flattening**2 / (FLAT_STD**2 + 2.0 * noise))
+
+
+def _company(image: np.ndarray, found: Detection, look: Appearance) -> float:
+    """Share of what lies about a disc that looks like it: outside of its soft edge and its shadow's
+    half, up to three radii."""
+    u, v, r = found.u_px, found.v_px, found.radius_px
+    reach = 1.5 * r + 1.0, 3.0 * r + 2.0
+    return float(company(image, u, v, *reach, look.surround_bgr, look.direction))
 
 
 def _step(image: np.ndarray, found: Detection) -> float:

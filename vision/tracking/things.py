@@ -23,6 +23,9 @@ TRAVEL = 0.03
 UNLIKE_SIZE, UNLIKE_COLOUR = 0.2, 40.0
 NEAR_RADII, FAR_RADII = 2.0, 6.0
 SPEED_RADII_S = 50.0  # twice that of a ball of 10 mm at 0.25 m/s: equal marks far apart are two
+# Of what lies about a thing: share that looks like it, from which it is a patch of a pattern. Of
+# 387 sighted balls of two generated worlds none has it, of other things one in five.
+PATTERN = 0.2
 OTHER = 0.1  # weight of a thing that stays where it was while the ball was elsewhere
 LARGER, FIXED = 1.4, 0.3  # ratio of radii; share of the larger radius that a part may sway
 # A shadow: shares of the light beside it that are left at most, and that the colours differ by; how
@@ -98,6 +101,12 @@ class Thing:
         ring does (`reach_px` as for `travel`)."""
         faint = float(np.median([s.likely for s in self.sightings])) <= FAINT
         return faint and self.travel(reach_px) <= 1.0
+
+    def is_patch(self, reach_px: float) -> bool:
+        """Whether it stays and is one of a pattern's patches, such as a cell of a printed marker
+        (`reach_px` as for `travel`)."""
+        company = float(np.median([s.company for s in self.sightings]))
+        return company > PATTERN and self.travel(reach_px) <= 1.0
 
     @property
     def evidence(self) -> float:
@@ -226,6 +235,11 @@ class Things:
         """What `ball_is` said last was a mistake."""
         for thing in self.all:
             thing.other = False
+
+    def may_be_ball(self, thing: Thing, reach_px: float) -> bool:
+        """Whether it is no printed ring, no patch of a pattern and no part of another thing."""
+        is_print = thing.is_ring(reach_px) or thing.is_patch(reach_px)
+        return not is_print and not self.is_part(thing, reach_px)
 
     def is_part(self, thing: Thing, reach_px: float) -> bool:
         """Whether it is of another thing: a highlight in its place on a ball, the shadow of a ball

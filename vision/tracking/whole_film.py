@@ -94,11 +94,7 @@ def _ball_in(looks: _Looks, colour: Appearance | None) -> Survey:
         alone = looks.every_s * sum(id(s) in looks.alone for s in thing.sightings)
         thing.other = thing.travel(reach) <= 1.0 and alone > STIRRED_S
     ranked = sorted(things.all, key=lambda t: -_score(t, reach, colour))
-    ranked = [
-        thing
-        for thing in ranked[:RANKED]
-        if not thing.is_ring(reach) and not things.is_part(thing, reach)
-    ]
+    ranked = [thing for thing in ranked[:RANKED] if things.may_be_ball(thing, reach)]
     best = ranked[0] if ranked else None
     if best is None or not _sure(best, len(looks.seen)):
         return Survey({}, moves=False)

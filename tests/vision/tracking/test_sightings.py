@@ -8,7 +8,8 @@ from tests.support.footage import disc, exposed
 from vision.detection.appearance import NOISE_FLOOR, Appearance
 from vision.detection.hough_circles import circles_of_any_size
 from vision.detection.pixels import turn_steps
-from vision.tracking.sightings import FAINT, LEAST_STEP, bounds_of, round_things
+from vision.tracking.sightings import FAINT, LEAST_STEP, bounds_of, round_things, sight
+from vision.tracking.things import PATTERN
 
 
 def seen(image):
@@ -78,3 +79,19 @@ def test_a_coin_seen_aslant_is_flattened_and_a_ball_is_not():
     assert ball.round > 0.9
     assert coin.seen.flattening == pytest.approx(0.17, abs=0.03)
     assert coin.round < FAINT
+
+
+def test_a_cell_of_a_marker_has_company_of_its_colour_a_ball_has_none():
+    image = np.full((240, 320, 3), 200.0, np.float32)
+    disc(image, (230.0, 120.0), 6.0, np.array((30.0, 110.0, 220.0)))
+    image[90:150, 50:110] = 20.0
+    for u, v in ((60, 100), (84, 120), (68, 112), (84, 104), (100, 112), (76, 136), (92, 128)):
+        image[v - 4 : v + 4, u - 4 : u + 4] = 230.0
+    image = np.asarray(cv2.GaussianBlur(image, (0, 0), 1.5))
+    image = exposed(image, 2.0, np.random.default_rng(1))
+    bounds = bounds_of(image, None)
+    cell, ball = sight(image, 83.5, 119.5, 4.5, bounds), sight(image, 230.0, 120.0, 6.0, bounds)
+    assert cell is not None
+    assert ball is not None
+    assert cell.company > PATTERN
+    assert ball.company < 0.01

@@ -11,11 +11,11 @@ from vision.tracking.things import Things
 REACH = 0.03 * 640
 
 
-def sighting(u, v, radius=12.0, *, bgr=(30.0, 110.0, 230.0), evidence=1.5):
+def sighting(u, v, radius=12.0, *, bgr=(30.0, 110.0, 230.0), evidence=1.5, company=0.0):
     seen = Detection(u, v, radius, 0.1, 1.0, 1.0, 1.0, 0.1, 0.0, 0.0)
     plate, none = np.full(3, 200.0), np.zeros(3)
     look = Appearance(np.array(bgr), plate, none, 9.0, np.zeros(1, np.uint8), 0.0, learned=True)
-    return Sighting(seen, look, evidence)
+    return Sighting(seen, look, evidence, company=company)
 
 
 def watched(*paths, looks=10):
@@ -41,6 +41,14 @@ def test_equal_marks_stay_apart_and_do_not_travel():
     things = watched(*marks, looks=12)
     assert len(things.all) == 4
     assert all(len(t.times) == 12 and t.travel(REACH) < 0.2 for t in things.all)
+
+
+def test_a_cell_of_a_printed_marker_is_no_ball_until_it_travels():
+    still = watched(lambda k: sighting(100, 100, 5, company=0.4))
+    ball = watched(lambda k: sighting(100, 100, 5, company=0.1))
+    mover = watched(lambda k: sighting(100 + 15 * k, 100, 5, company=0.4))
+    told = [things.may_be_ball(things.all[0], REACH) for things in (still, ball, mover)]
+    assert told == [False, True, True]
 
 
 def test_screws_are_twins_and_a_ball_among_them_has_none():
