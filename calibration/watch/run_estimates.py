@@ -22,7 +22,7 @@ from calibration.gap.investigation import levels_of, usable_runs
 from calibration.gap.model.data import Evidence, gather
 from calibration.gap.model.fit import evaluate
 from calibration.gap.model.intervals import covariance
-from calibration.gap.model.parameters import CALIBRATED, NominalModel, Parameter
+from calibration.gap.model.parameters import CALIBRATED, IN_RECORD, NominalModel, Parameter
 from calibration.gap.model.state import Key, State, refit, settle
 from calibration.gap.name.candidates import Start
 from calibration.gap.name.drive_law import best_of_grid, has_law
@@ -164,12 +164,14 @@ def _cost_at_one_level(first: State):
 
 
 def _watched(state: State) -> tuple[Parameter, ...]:
-    """The parameters of K, tau and the WATCHED effects that the accepted runs tell."""
+    """The parameters of K, tau and the WATCHED effects that the accepted runs tell; not the inner
+    shape of an effect, which is fitted but no wear, and has neither name nor unit."""
     spread, named = _spread(state), set(state.named)
     return tuple(
         parameter
         for parameter in state.nominal.parameters.values()
         if spread.get(parameter.name, 0.0) > 0
+        and parameter.key not in IN_RECORD
         and (not parameter.effect or (parameter.effect, parameter.axis) in named)
     )
 

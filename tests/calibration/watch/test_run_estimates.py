@@ -3,10 +3,13 @@ whose servos take an angle.
 """
 
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 
+from calibration.gap.model.parameters import NominalModel
+from calibration.watch import run_estimates
 from calibration.watch.run_estimates import accept, estimate
 from experiments.benchmark.engines.foreign.table import make_log
 from experiments.runs.assemble import load_rig
@@ -62,3 +65,13 @@ def test_servos_that_take_an_angle_have_no_law_of_volts(name: str):
     assert any(one.startswith("servo_dead_time.delay_s") for one in model.names)
     before = estimate(model, driven.log)
     assert np.isfinite(before.values).all()
+
+
+def test_what_is_watched_has_a_name_and_a_unit(monkeypatch: pytest.MonkeyPatch):
+    """A gear's coasting is fitted beside its play: `rig watch` ended in a StopIteration."""
+    nominal = NominalModel(Rig(), load_friction=False)
+    state = Mock(nominal=nominal, named=run_estimates._named(nominal))
+    monkeypatch.setattr(run_estimates, "_spread", lambda _: dict.fromkeys(nominal.parameters, 1.0))
+    watched = run_estimates._watched(state)
+    assert ("gear_backlash", "play_rad") in {(one.effect, one.key) for one in watched}
+    assert all(run_estimates.unit_of(one) for one in watched)
