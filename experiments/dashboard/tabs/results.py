@@ -12,6 +12,7 @@ from experiments.dashboard.server.input_limits import choice, flag
 from experiments.dashboard.server.untrusted_text import measured, plain
 from experiments.dashboard.session.live import LiveBuffer
 from experiments.dashboard.session.tasks import (
+    MOST_LISTED,
     UNFINISHED,
     DrawnFigures,
     RunSummary,
@@ -64,7 +65,9 @@ def table(rows: list[RunSummary], centroids: dict[str, tuple[float, float]]) -> 
         lines.append(f"| {' | '.join(map(plain, cells))} | {words} |")
     more = len(rows) - LISTED
     lines += ["", MEANS]
-    return "\n".join(lines) + (f"\n\n{more} more in the folder." if more > 0 else "")
+    older = " in the lists; older runs are in the folder alone" if len(rows) >= MOST_LISTED else ""
+    where = older or " in the folder"
+    return "\n".join(lines) + (f"\n\n{more} more{where}." if more > 0 else "")
 
 
 def card(figures: DrawnFigures) -> str:

@@ -26,6 +26,7 @@ from experiments.dashboard.session.plan import (
     shipped_plan,
 )
 from experiments.dashboard.session.tasks import (
+    MOST_LISTED,
     DrawnFigures,
     RunSummary,
     draw_figures,
@@ -387,3 +388,9 @@ def test_a_word_beyond_all_measure_is_sent_to_no_page(tmp_path: Path):
     write_run(tmp_path / "20260101T000000-a", start, log, [], outcome="completed")
     (row,) = list_runs(tmp_path)
     assert len(row.label) < 300
+
+
+def test_the_list_of_runs_does_not_count_what_it_has_not_read():
+    row = RunSummary(Path("run"), "hold", "with", 1, "completed")
+    assert "28 more in the lists; older runs are in the folder" in table([row] * MOST_LISTED, {})
+    assert "27 more in the folder." in table([row] * (MOST_LISTED - 1), {})
