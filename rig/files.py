@@ -7,8 +7,8 @@ import os
 import secrets
 import stat
 import tomllib
-from collections.abc import Iterable
-from contextlib import suppress
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
 from difflib import get_close_matches
 from itertools import count
 from math import inf
@@ -228,7 +228,7 @@ def write_whole(
     if room is not None and freed(room).exists():
         part, mode = room, "r+b"
     try:
-        with part.open(mode) as file:
+        with naming(path), part.open(mode) as file:
             file.write(content)
             file.truncate()
             if sync:
@@ -238,6 +238,17 @@ def write_whole(
     except BaseException:
         with suppress(OSError):
             part.unlink()
+        raise
+
+
+@contextmanager
+def naming(path: Path) -> Iterator[None]:
+    """Have an OSError from within name `path`: of a full disk the system names no file, and which
+    disk it is has to be known."""
+    try:
+        yield
+    except OSError as error:
+        error.filename = str(path)
         raise
 
 

@@ -24,6 +24,7 @@ from experiments.progress import ProgressCall, silent
 from experiments.records.run_folder import writable
 from experiments.runs.protocol import read_protocol
 from experiments.workers import results_of
+from rig.files import naming, write_whole
 from rig.log import CONTRACT, Log
 from rig.rigfile import write_rig
 
@@ -76,7 +77,7 @@ def make_set(
         progress("logs", len(trials), len(here))
     digest = seal([trials[name] for name in sorted(trials)], out)
     rules = (files("experiments") / "benchmark" / RULES).read_text(encoding="utf-8")
-    (out / RULES).write_text(rules, encoding="utf-8", newline="\n")
+    write_whole(out / RULES, rules.encode())
     size = sum(file.stat().st_size for file in (out / CASES).rglob("*") if file.is_file())
     return MadeSet(digest, len(here), size, _left_out(len(cases) - len(here)))
 
@@ -130,14 +131,15 @@ def write_log(log: Log, path: Path) -> None:
     steps = [name for name in columns if name in MADE_OF_STEPS]
     smooth = {name: "BYTE_STREAM_SPLIT" for name in columns if name not in steps}
     table = pa.table({n: pa.array(v, pa.float64(), from_pandas=True) for n, v in columns.items()})
-    pq.write_table(
-        table,
-        path,
-        compression="zstd",
-        compression_level=15,
-        use_dictionary=steps,  # pyright: ignore[reportArgumentType]
-        column_encoding=smooth,
-    )
+    with naming(path):
+        pq.write_table(
+            table,
+            path,
+            compression="zstd",
+            compression_level=15,
+            use_dictionary=steps,  # pyright: ignore[reportArgumentType]
+            column_encoding=smooth,
+        )
 
 
 def rounded(name: str, values: np.ndarray) -> np.ndarray:

@@ -322,7 +322,7 @@ def main() -> None:
     except OSError as error:
         if error.errno in BAD_NAMES:
             _fail(_words(error), 2)
-        full = error.errno in (errno.ENOSPC, errno.EDQUOT) and "free" not in str(error)
+        full = error.errno in (errno.ENOSPC, errno.EDQUOT) and "free" not in str(error.strerror)
         cure = "; free some space: what was recorded so far is kept" if full else ""
         _fail(f"{_words(error)}{cure}", 1)
     except MemoryError:

@@ -111,11 +111,12 @@ def _keep_map(made, kept: Path, given: Path | None) -> None:
 def written(path: Path, write: Callable[[Path], object], *, aside: bool) -> None:
     """Have `write` make a file; aside: another one of that name, which nobody named, is kept beside
     it as NAME.1, NAME.2 ..., unless it is the same."""
-    from rig.files import part_of, put_aside
+    from rig.files import naming, part_of, put_aside
 
     part = part_of(path).with_suffix(path.suffix)
     try:
-        write(part)
+        with naming(path):
+            write(part)
         if aside and path.exists() and not cmp(path, part, shallow=False):
             put_aside(path)
             say(f"{path.name} was there: it is kept as {path.name}.1 or the next free number")

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rig.files import part_of
+from rig.files import naming, part_of
 from rig.log import COLUMNS, INDEX, NAMES, Log
 
 ALWAYS = NAMES[: INDEX["ball_y_m"] + 1]
@@ -50,7 +50,8 @@ def export_log(log: Log, out_path: Path | str) -> Path:
     out_path.parent.mkdir(parents=True, exist_ok=True)
     part = part_of(out_path)
     try:
-        write(part, columns)
+        with naming(out_path):
+            write(part, columns)
         part.replace(out_path)
     except BaseException:
         with suppress(OSError):

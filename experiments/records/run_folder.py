@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from rig.files import freed, json_of, write_whole
+from rig.files import freed, json_of, naming, write_whole
 
 SCHEMA = 1
 SOURCES = ("simulated", "measured")
@@ -168,7 +168,8 @@ def reserve(path: Path) -> None:
 
     OSError: there is no room.
     """
-    freed(_room_of(path)).write_bytes(b" " * RESERVE_BYTES)
+    with naming(path):
+        freed(_room_of(path)).write_bytes(b" " * RESERVE_BYTES)
 
 
 def _room_of(path: Path) -> Path:
@@ -238,7 +239,8 @@ def writable(folder: Path) -> Path:
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        with TemporaryFile(dir=folder) as probe:  # a fixed name may be somebody's link elsewhere
+        # A fixed name may be somebody's link elsewhere.
+        with naming(folder), TemporaryFile(dir=folder) as probe:
             probe.write(b"x")
     except FileExistsError:
         what = "is a file" if folder.exists() else "is a link to nothing"

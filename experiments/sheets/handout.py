@@ -7,6 +7,7 @@ from experiments.progress import ProgressCall, silent
 from experiments.runs.protocol import read_protocol
 from experiments.runs.runner import RunRequest, keep_simulated, simulate_run
 from experiments.sheets.catalogue import LabSheet, Question
+from rig.files import write_whole
 from rig.rigfile import refuse_own, write_rig
 
 RESULTS, EXERCISE, BLANK = "results.toml", "exercise.md", "?"
@@ -36,8 +37,8 @@ def hand_out(
         made.append(keep_simulated(request, simulate_run(request), truth=False))
     progress("recording your table's runs", len(sheet.runs), len(sheet.runs))
     if not (out / RESULTS).exists():
-        (out / RESULTS).write_text(blank_results(sheet, student), encoding="utf-8")
-    (out / EXERCISE).write_text(exercise(sheet, out), encoding="utf-8")
+        write_whole(out / RESULTS, blank_results(sheet, student).encode())
+    write_whole(out / EXERCISE, exercise(sheet, out).encode())
     return made
 
 

@@ -9,14 +9,17 @@ from concurrent.futures import ThreadPoolExecutor
 from datetime import UTC, datetime
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from calibration.bundle import Draft
 from experiments.export.export_model import export_model
+from experiments.records.exporting import export_log
 from rig.files import write_whole
 from rig.hardware.homing.home import Homing
 from rig.hardware.homing.homed import Homed
 from rig.hardware.wiring import Wiring
+from rig.log import Log
 from rig.parameters import Rig
 from rig.rigfile import write_rig
 
@@ -27,6 +30,7 @@ WRITERS: dict[str, Callable[[Path], object]] = {
     "calibration": DRAFT.save,
     "rig": lambda path: write_rig(Rig(), path),
     "homing": HOMED.save,
+    "log": lambda path: export_log(Log.from_columns({"t_s": np.arange(200.0)}), path),
     "model": lambda path: export_model(Rig(), "table", "mjcf", path),
 }
 
@@ -36,7 +40,8 @@ WRITERS: dict[str, Callable[[Path], object]] = {
 def test_without_room_the_older_file_stays(tmp_path: Path, kind: str):
     import resource
 
-    path, write = tmp_path / "kept.xml", WRITERS[kind]
+    name = {"log": "kept.csv"}.get(kind, "kept.xml")
+    path, write = tmp_path / name, WRITERS[kind]
     path.write_text("what took an hour to measure")
     before = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
@@ -48,8 +53,9 @@ def test_without_room_the_older_file_stays(tmp_path: Path, kind: str):
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
         signal.signal(signal.SIGXFSZ, before)
     assert caught.value.errno == errno.EFBIG
+    assert caught.value.filename == str(path)
     assert path.read_text() == "what took an hour to measure"
-    assert [one.name for one in tmp_path.iterdir()] == ["kept.xml"]
+    assert [one.name for one in tmp_path.iterdir()] == [name]
 
 
 def test_of_two_who_write_at_once_each_file_is_whole(tmp_path: Path):

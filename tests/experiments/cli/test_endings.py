@@ -82,3 +82,13 @@ def test_a_place_that_takes_no_file_is_bad_input(monkeypatch):
 
     monkeypatch.setattr("experiments.records.recording.recover", refused)
     assert command.told("recover", "some-run") == (2, "", "rig: table.xml: Read-only file system\n")
+
+
+def test_a_full_disk_is_named_with_its_cure_whatever_the_folder_is_called(monkeypatch):
+    def full(_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device", "free-release/run.json")
+
+    monkeypatch.setattr("experiments.records.recording.recover", full)
+    code, _, error = command.told("recover", "some-run")
+    told = "rig: free-release/run.json: No space left on device; free some space: "
+    assert (code, error[: len(told)]) == (1, told)
