@@ -243,12 +243,13 @@ def write_whole(
 
 @contextmanager
 def naming(path: Path) -> Iterator[None]:
-    """Have an OSError from within name `path`: of a full disk the system names no file, and which
-    disk it is has to be known."""
+    """Have an OSError from within that names no file, or a part of `path`, name `path`: of a full
+    disk the system names none, and which disk it is has to be known."""
     try:
         yield
     except OSError as error:
-        error.filename = str(path)
+        if str(error.filename or path).startswith(str(path)):
+            error.filename = str(path)
         raise
 
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from experiments.picture_files import write_image
 from experiments.records.run_folder import refuse_input, write_results
-from rig.files import freed
+from rig.files import freed, naming
 
 if TYPE_CHECKING:
     import numpy as np
@@ -29,7 +29,8 @@ if TYPE_CHECKING:
 
 PIXEL_COLUMNS = ("frame", "t_s", "state", "u_px", "v_px", "sigma_px")
 METRIC_COLUMNS = ("x_m", "y_m", "cov_xx_m2", "cov_xy_m2", "cov_yy_m2")
-MADE = ("track.csv", "overlay.mp4", "contact_sheet.png", "results.json")
+SHEET, RESULTS = "contact_sheet.png", "results.json"
+MADE = ("track.csv", "overlay.mp4", SHEET, RESULTS)
 SHEET_IMAGES = 48
 SHEET_COLUMNS = 6
 SHEET_WIDTH_PX = 320
@@ -100,6 +101,7 @@ def track_video(
         metric = calibration is not None
         summary = _summary(source, tracker, states, times, ball_colour, metric=metric)
         summary["notes"] += troubles
+        summary["files"] = [name for name in MADE if name == RESULTS or (out / name).is_file()]
     write_results(out, summary)
     return summary
 
@@ -197,6 +199,7 @@ def _follow(
             calibration.view, calibration.layout, tracker, calibration.ball_radius_m
         )
     with (
+        naming(out / "track.csv"),
         (out / "track.csv").open("w", newline="", encoding="utf-8") as file,
         Overlay(out / "overlay.mp4", source.size) as film,
     ):
@@ -222,9 +225,10 @@ def _follow(
     if film.trouble:
         troubles.append(film.trouble)
     try:
-        sheet.write(out / "contact_sheet.png")
-    except OSError as error:
-        troubles.append(f"no contact sheet: {error}")
+        sheet.write(out / SHEET)
+    except OSError as error:  # an older one would be taken for this film's
+        (out / SHEET).unlink(missing_ok=True)
+        troubles.append(f"no contact sheet: {error.strerror or error}")
     return states, times, troubles
 
 
@@ -293,7 +297,6 @@ def _summary(
             else [round(float(c), 1) for c in appearance.ball_bgr],
             "radius_px": _finite(tracker.radius_px),
         },
-        "files": list(MADE),
         "notes": notes,
     }
 

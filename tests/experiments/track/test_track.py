@@ -1,9 +1,11 @@
 """`track_video` end to end: the table, the film, the sheet and the summary agree with the truth."""
 
 import csv
+import errno
 import json
 import os
 from fractions import Fraction
+from pathlib import Path
 from types import SimpleNamespace
 
 import av
@@ -239,3 +241,19 @@ def test_a_folder_of_pictures_is_not_written_into(tmp_path):
         track_video(pictures, pictures)
     with pytest.raises(ValueError, match="no images in this folder"):
         track_video(pictures, pictures / "tracked")
+
+
+def test_what_was_not_written_is_not_listed(tmp_path, monkeypatch):
+    """On a full disk a contact sheet was listed that is not there, or is another film's."""
+
+    def full(path: Path, content: bytes) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device", str(path))
+
+    monkeypatch.setattr("experiments.picture_files.write_whole", full)
+    film = write(tmp_path / "v.mp4", rolling("green", seconds=0.4, size=(320, 240)))
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "contact_sheet.png").write_bytes(b"of another film")
+    summary = track_video(film, tmp_path / "out")
+    assert summary["files"] == ["track.csv", "overlay.mp4", "results.json"]
+    assert summary["notes"][-1] == "no contact sheet: No space left on device"
+    assert not (tmp_path / "out" / "contact_sheet.png").exists()
