@@ -82,7 +82,7 @@ def telling_case(results: dict, rig: Rig, grid: Grid) -> Case:
         tests = [
             a["against_without"]["effect"] for a in cell["arms"].values() if "against_without" in a
         ]
-        return float(np.nanmax(tests))
+        return max((t for t in tests if np.isfinite(t)), default=-np.inf)
 
     told = max(held or results["cells"], key=gain)
     cell = next(c for c in cells(grid) if c.key == told["key"])

@@ -17,6 +17,7 @@ from pathlib import Path
 from experiments.analysis.metrics import run_metrics
 from experiments.analysis.numbers import completed_measures
 from experiments.compare.grid import (
+    KEPT,
     Cell,
     Grid,
     cells,
@@ -40,15 +41,6 @@ from rig.files import file_bytes
 from rig.parameters import Rig
 from rig.rigfile import to_record
 
-KEPT = (
-    "settled_error",
-    "servo_activity",
-    "servo_rms",
-    "settled_spread",
-    "cycle_amplitude",
-    "distance",
-    "settled_distance",
-)
 ROWS_FILE = "rows.jsonl"
 
 

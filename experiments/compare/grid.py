@@ -8,16 +8,24 @@ from pathlib import Path
 
 from pydantic import Field, ValidationError
 
-from experiments.analysis.numbers import MEASURES
 from experiments.runs.assemble import another_unit, play_rad
 from experiments.runs.protocol import read_protocol
 from experiments.runs.runner import RunRequest
 from rig.control.controllers import COMPENSATORS
 from rig.files import StrictModel, first_error_line, known_names, toml_of
-from rig.parameters import Gains, Rig
+from rig.parameters import Drive, Gains, Rig
 from rig.rigfile import from_dict, to_dict
 
 NO_FAULT = ""
+KEPT = (  # of MEASURES, of every run; one of them is compared
+    "settled_error",
+    "servo_activity",
+    "servo_rms",
+    "settled_spread",
+    "cycle_amplitude",
+    "distance",
+    "settled_distance",
+)
 
 
 class Backlash(StrictModel):
@@ -97,8 +105,8 @@ class PaperCell(StrictModel):
 class Grid(StrictModel):
     """A comparison as its TOML file says it; unknown keys are errors.
 
-    seeds: paired seeds for each cell, from `first_seed` on; measure: compared number, a name of
-    MEASURES; arms: conditions; plays: backlashes; retuned: PIDs compared at equal servo activity;
+    seeds: paired seeds for each cell, from `first_seed` on; measure: compared number, one of
+    KEPT; arms: conditions; plays: backlashes; retuned: PIDs compared at equal servo activity;
     paper: the cell that stands for the paper's claim.
     """
 
@@ -157,10 +165,14 @@ def _check(grid: Grid, label: str) -> None:
             raise ValueError(f"{label}: unknown arm '{condition}'; {known}")
     if "without" not in grid.arms:
         raise ValueError(f"{label}: arms lack 'without', against which all others are compared")
-    if grid.measure not in MEASURES:
-        known = known_names(grid.measure, MEASURES)
+    if grid.measure not in KEPT:
+        known = known_names(grid.measure, KEPT)
         raise ValueError(f"{label}: measure = '{grid.measure}'; {known}")
+    _check_once(grid, label)
+    courses, drive = [c.protocol for c in grid.courses], Drive.__dataclass_fields__
     names = [
+        (grid.paper.protocol, courses, "protocol of the paper"),
+        *((key, drive, "key of drive") for f in grid.frictions.values() for key in f.drive),
         *((p, grid.plays, "play") for p in [*grid.robustness.plays, grid.paper.play]),
         *((f, grid.frictions, "friction") for c in grid.courses for f in c.frictions),
         (grid.paper.friction, grid.frictions, "friction"),
@@ -168,6 +180,24 @@ def _check(grid: Grid, label: str) -> None:
     for name, known, what in names:
         if name not in known:
             raise ValueError(f"{label}: unknown {what} '{name}'; {known_names(name, known)}")
+
+
+def _check_once(grid: Grid, label: str) -> None:
+    """ValueError where something counts twice, or its first for all, or a course has no ball."""
+    lists = {
+        "arm": grid.arms,
+        "retuned PID": retuned_names(grid),
+        "course of": [course.protocol for course in grid.courses],
+    }
+    for what, all_of_them in lists.items():
+        for name in all_of_them:
+            if all_of_them.count(name) > 1:
+                raise ValueError(f"{label}: {what} '{name}' stands there twice: leave one out")
+    if NO_FAULT in grid.robustness.faults:
+        raise ValueError(f"{label}: a fault has no name: name it")
+    for name in lists["course of"]:
+        if read_protocol(name).servo_only:
+            raise ValueError(f"{label}: protocol '{name}' is without a ball: nothing to compare")
 
 
 def cells(grid: Grid) -> list[Cell]:
@@ -198,6 +228,12 @@ def table_of(rig: Rig, grid: Grid, cell: Cell) -> Rig:
     ValueError: the rig file does not allow such a table.
     """
     play, friction = grid.plays[cell.play], grid.frictions[cell.friction]
+    for name in friction.without:
+        if name not in rig.catalogue:
+            known = known_names(name, rig.catalogue)
+            raise ValueError(
+                f"friction '{cell.friction}' without: unknown effect '{name}'; {known}"
+            )
     effects = {name: by for name, by in rig.effects.items() if name not in friction.without}
     if rig.servo.takes_angle and play.gear_deg:
         raise ValueError(

@@ -8,6 +8,8 @@ import numpy as np
 
 from experiments.compare.statistics import HARMS, HELPS, OPEN, SURE
 
+NONE = "none"
+
 
 def words(results: Mapping) -> list[str]:
     """Sentences on the results of `run_comparison`, most important first."""
@@ -59,7 +61,7 @@ def conditions(cells) -> list[str]:
 def best(cell: Mapping, measure: str) -> str:
     """Condition with the smallest mean of a measure in a cell; retuned PIDs are left out.
 
-    "without" where no condition has a mean.
+    "none" where no condition has a mean.
     """
     tried = {
         condition: found["means"]
@@ -68,13 +70,18 @@ def best(cell: Mapping, measure: str) -> str:
     }
     values = {condition: m[measure] for condition, m in tried.items()}
     finite = {condition: v for condition, v in values.items() if np.isfinite(v)}
-    return min(finite, key=lambda condition: finite[condition]) if finite else "without"
+    return min(finite, key=lambda condition: finite[condition]) if finite else NONE
 
 
 def _winners(cells, measure) -> list[str]:
-    first = Counter(best(cell, measure) for cell in cells).most_common()
-    named = ", ".join(f"{condition} in {count}" for condition, count in first)
-    return [f"The smallest mean error, of {len(cells)} cells: {named}."]
+    first = Counter(best(cell, measure) for cell in cells)
+    lost = first.pop(NONE, 0)
+    named = ", ".join(f"{condition} in {count}" for condition, count in first.most_common())
+    lines = [f"The smallest mean error, of {len(cells)} cells: {named}."] if first else []
+    if lost:
+        where = f"In {lost} of {len(cells)} cells"
+        lines.append(f"{where} no condition has one: too few runs completed.")
+    return lines
 
 
 def _by_place(cells) -> list[str]:

@@ -68,6 +68,13 @@ def test_retuned_is_the_arm_without_and_other_gains():
         ('seeds = 20', "seeds = 3"), ('"sham"', '"shame"'), ('measure = "settled_error"',
          'measure = "luck"'), ('play = "gear 1, joint 1.5"', 'play = "gear 9"'),
         ('title =', 'titel ='), ('arms = ["without", ', 'arms = ['),
+        # Each of these ended in a TypeError or KeyError, counted twice, or was not heeded.
+        ('measure = "settled_error"', 'measure = "settling"'), ('"sham"', '"with"'),
+        ('{ joint_friction_nm', '{ joint_fricton_nm'), ('"half the camera rate"', '""'),
+        ('protocol = "circle"', 'protocol = "hold"'),
+        ('protocol = "circle"', 'protocol = "servo-squares"'),
+        ('protocol = "free-release"\n\n', 'protocol = "free-relase"\n\n'),
+        ('= 3.45\nderivative_rad_s_m = 3.0', '= 2.5\nderivative_rad_s_m = 2.11'),
     ],
 )  # fmt: skip
 def test_a_mistake_in_a_grid_is_one_line(tmp_path, change, said):
@@ -97,3 +104,11 @@ def test_plays_of_three_arms_are_those_that_the_plate_would_feel():
     assert wide == pytest.approx(radians(3))
     assert narrow == pytest.approx(radians(3) * rods.linkage.ratio)
     assert play_rad(rods, 1.0) == pytest.approx(radians(1))
+
+
+def test_an_effect_that_is_taken_away_under_a_wrong_name_is_told():
+    """It stayed, and the cell's numbers were those of a table with it."""
+    friction = GRID.frictions["little, no breakaway"].model_copy(update={"without": ["colomb"]})
+    grid = GRID.model_copy(update={"frictions": {"little": friction}})
+    with pytest.raises(ValueError, match="unknown effect 'colomb'"):
+        table_of(RIG, grid, Cell("none", "little", "hold"))

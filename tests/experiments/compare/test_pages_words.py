@@ -5,7 +5,7 @@ import numpy as np
 
 from experiments.compare import figures, report
 from experiments.compare.statistics import EVEN, HARMS, HELPS, OPEN
-from experiments.compare.words import paper_words, too_few_words, words
+from experiments.compare.words import _winners, paper_words, too_few_words, words
 from experiments.reports.figures import plt
 
 
@@ -102,3 +102,12 @@ def test_the_map_tells_help_from_harm_without_red_and_green_and_can_be_read(tmp_
     assert [text.get_color() for text in lost] == ["black", "black"]  # on white
     assert min(label.get_window_extent().x0 for label in axes.get_yticklabels()) >= 0.0
     plt.close(kept["figure"])
+
+
+def test_where_nothing_completed_nothing_has_the_smallest_error():
+    """Of cells without a completed run "without" was told to have the smallest."""
+    none, one = ({"arms": {"with": {"means": {"distance": x}}}} for x in (float("nan"), 1.0))
+    assert _winners([none], "distance") == [
+        "In 1 of 1 cells no condition has one: too few runs completed."
+    ]
+    assert _winners([none, one], "distance")[0].endswith("of 2 cells: with in 1.")
