@@ -228,13 +228,14 @@ def write_whole(
     if room is not None and freed(room).exists():
         part, mode = room, "r+b"
     try:
-        with naming(path), part.open(mode) as file:
-            file.write(content)
-            file.truncate()
-            if sync:
-                file.flush()
-                os.fsync(file.fileno())
-        part.replace(path)
+        with naming(path):
+            with part.open(mode) as file:
+                file.write(content)
+                file.truncate()
+                if sync:
+                    file.flush()
+                    os.fsync(file.fileno())
+            part.replace(path)
     except BaseException:
         with suppress(OSError):
             part.unlink()

@@ -132,7 +132,8 @@ def all_rows(
     }
     wanted = {_key(f"{common} {course[c.protocol]}", c, arm): (c, arm) for c, arm in pairs}
     path = out / ROWS_FILE
-    kept = {key: rows for key, rows in _kept(path, note).items() if key in wanted}
+    there = _kept(path, note).items()
+    kept = {key: rows for key, rows in there if key in wanted and len(rows) == grid.seeds}
     missing = [key for key in wanted if key not in kept]
     if kept:
         note(f"{len(kept)} of {len(wanted)} arms in cells are kept from an earlier call ({path})")

@@ -52,7 +52,7 @@ def export_log(log: Log, out_path: Path | str) -> Path:
     try:
         with naming(out_path):
             write(part, columns)
-        part.replace(out_path)
+            part.replace(out_path)
     except BaseException:
         with suppress(OSError):
             part.unlink()

@@ -277,6 +277,8 @@ def refuse_twice(paths: Sequence[Path]) -> None:
 def refuse_other(path: Path, what: str, ours: Callable[[dict], bool]) -> None:
     """ValueError (one line) where a file lies at `path`, at which `what` is to be written, that is
     no JSON object which `ours` knows."""
+    if path.is_dir():
+        raise ValueError(f"{path}: a folder lies where {what} to be written; name another --out")
     if not path.is_file():
         return
     with suppress(ValueError, OSError):

@@ -58,6 +58,13 @@ def test_without_room_the_older_file_stays(tmp_path: Path, kind: str):
     assert [one.name for one in tmp_path.iterdir()] == [name]
 
 
+def test_a_folder_in_the_files_place_is_told_by_its_own_name(tmp_path: Path):
+    (tmp_path / "results.json").mkdir()
+    with pytest.raises(OSError, match="irectory") as caught:
+        write_whole(tmp_path / "results.json", b"{}")
+    assert caught.value.filename == str(tmp_path / "results.json")
+
+
 def test_of_two_who_write_at_once_each_file_is_whole(tmp_path: Path):
     """Two programs on one folder: what is read is one's or the other's, never a part of both."""
     path = tmp_path / "results.json"

@@ -123,6 +123,13 @@ def test_no_command_writes_over_results_that_are_the_users_own(tmp_path: Path):
     assert {path.name for path in tmp_path.iterdir()} == {"runs", "results.json"}
 
 
+def test_a_folder_where_results_go_is_told_before_the_work(tmp_path: Path):
+    """`rig reproduce` said so after minutes, of a file with a name that nobody knew."""
+    (tmp_path / "results.json").mkdir()
+    told = f"{tmp_path / 'results.json'}: a folder lies where the results are"
+    assert told in refused("reproduce", "--out", tmp_path)
+
+
 @pytest.mark.parametrize("text", ['{"source": "measured"}', "[1, 2]", "no JSON"])
 def test_rendered_frames_write_over_no_calibration_of_another_camera(tmp_path: Path, text: str):
     mine = tmp_path / "calibration.json"

@@ -103,6 +103,11 @@ def test_strangers_rows_count_for_nothing_and_a_link_is_not_written_through(tmp_
     assert done[0] == 0
     assert told == [f"9 of 9 lines of {path} cannot be read: what they held is run again"]
 
+    kept = [json.loads(line) for line in path.read_bytes().splitlines()[-len(kept) :]]
+    kept[0]["rows"].pop()  # a seed is missing
+    path.write_text("\n".join(map(json.dumps, kept)) + "\n")
+    assert json.dumps(rows(tmp_path, calls=done)) == json.dumps(whole)
+
     mine = tmp_path / "mine.txt"
     mine.write_text("mine\n")
     path.unlink()
