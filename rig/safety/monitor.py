@@ -226,9 +226,8 @@ def _time(state: MonitorState, limits: MonitorLimits, step_s: float, late_s: flo
         return Fault("late loop", f"a tick came {ms:.0f} ms late (limit {1e3 * limits.late_s:g})")
     if state.missed >= limits.late_ticks:
         share = 100 * limits.late_share
-        return Fault(
-            "late loop", f"more than {share:g} % of the ticks are missed: free the machine"
-        )
+        words = f"more than {share:g} % of the ticks are missed: free the machine"
+        return Fault("late loop", f"{words}, or check the table's cable")  # damaged, they miss, too
     return None
 
 
