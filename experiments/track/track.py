@@ -224,12 +224,17 @@ def _follow(
                 progress(frame.index + 1, source.frames_total)
     if film.trouble:
         troubles.append(film.trouble)
+    return states, times, [*troubles, *_written(sheet, out / SHEET)]
+
+
+def _written(sheet: ContactSheet, path: Path) -> list[str]:
+    """Write the contact sheet; what is said where it cannot be, and no older one stays."""
     try:
-        sheet.write(out / SHEET)
-    except OSError as error:  # an older one would be taken for this film's
-        (out / SHEET).unlink(missing_ok=True)
-        troubles.append(f"no contact sheet: {error.strerror or error}")
-    return states, times, troubles
+        sheet.write(path)
+    except OSError as error:
+        path.unlink(missing_ok=True)
+        return [f"no contact sheet: {error.strerror or error}"]
+    return []
 
 
 def _row(
