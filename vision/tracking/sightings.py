@@ -45,7 +45,7 @@ class Sighting:
     a camera is aimed at its plate (1 in the image's middle, 0.5 in its corners), and light shades a
     ball but not a flat mark or coin (down to `FLAT`, which is `flat`). `round` tells a ball at rest
     from a disc that is seen aslant, which is flattened: 1 for a circle, towards 0. `company` is the
-    share of what lies about it, up to three radii, that has its colour.
+    share of what lies about it, up to three radii, that has its colour on half of its turn.
     """
 
     seen: Detection
@@ -152,8 +152,8 @@ def _roundness(found: Detection) -> float:
 
 
 def _company(image: np.ndarray, found: Detection, look: Appearance) -> float:
-    """Share of what lies about a disc that looks like it: outside of its soft edge and its shadow's
-    half, up to three radii."""
+    """Share of what lies about a disc, beyond its soft edge and up to three radii, that looks like
+    it, see `pixels.company`."""
     u, v, r = found.u_px, found.v_px, found.radius_px
     reach = 1.5 * r + 1.0, 3.0 * r + 2.0
     return float(company(image, u, v, *reach, look.surround_bgr, look.direction))

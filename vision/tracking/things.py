@@ -23,8 +23,8 @@ TRAVEL = 0.03
 UNLIKE_SIZE, UNLIKE_COLOUR = 0.2, 40.0
 NEAR_RADII, FAR_RADII = 2.0, 6.0
 SPEED_RADII_S = 50.0  # twice that of a ball of 10 mm at 0.25 m/s: equal marks far apart are two
-# Of what lies about a thing: share that looks like it, from which it is a patch of a pattern. Of
-# 387 sighted balls of two generated worlds none has it, of other things one in five.
+# Company of a thing from which it is a patch of a pattern: of 405 sighted balls of two generated
+# worlds none has it, of 289 other things one in four.
 PATTERN = 0.2
 OTHER = 0.1  # weight of a thing that stays where it was while the ball was elsewhere
 LARGER, FIXED = 1.4, 0.3  # ratio of radii; share of the larger radius that a part may sway

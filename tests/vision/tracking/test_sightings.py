@@ -85,7 +85,8 @@ def test_a_cell_of_a_marker_has_company_of_its_colour_a_ball_has_none():
     image = np.full((240, 320, 3), 200.0, np.float32)
     disc(image, (230.0, 120.0), 6.0, np.array((30.0, 110.0, 220.0)))
     image[90:150, 50:110] = 20.0
-    for u, v in ((60, 100), (84, 120), (68, 112), (84, 104), (100, 112), (76, 136), (92, 128)):
+    around = ((72, 108), (84, 106), (96, 110), (70, 122), (98, 124), (74, 134), (86, 136))
+    for u, v in ((84, 120), *around):
         image[v - 4 : v + 4, u - 4 : u + 4] = 230.0
     image = np.asarray(cv2.GaussianBlur(image, (0, 0), 1.5))
     image = exposed(image, 2.0, np.random.default_rng(1))
@@ -94,4 +95,14 @@ def test_a_cell_of_a_marker_has_company_of_its_colour_a_ball_has_none():
     assert cell is not None
     assert ball is not None
     assert cell.company > PATTERN
+    assert ball.company < 0.01
+
+
+def test_a_shadow_on_one_side_is_no_company():
+    image = np.full((240, 320, 3), 200.0, np.float32)
+    for place, level in (((150.0, 112.0), 60.0), ((130.0, 100.0), 30.0)):
+        disc(image, place, 14.0, np.full(3, level))
+    image = exposed(image, 2.0, np.random.default_rng(1))
+    ball = sight(image, 130.0, 100.0, 14.0, bounds_of(image, None))
+    assert ball is not None
     assert ball.company < 0.01
