@@ -149,6 +149,12 @@ def run(
     for one in done:
         reason = f" ({one.ending.reason})" if one.ending.reason else ""
         say(f"{one.folder}  {one.ending.outcome}{reason}")
+    if plan.servo_only and not table.servo.has_angle:
+        say(
+            "note: on this table nothing measures servo angles (servo.angle_measured = false), "
+            "and the protocol has no ball: only what the servos were told is recorded. To see what "
+            "they did lead a ball about (rig run circle), then rig calibrate servo RUN"
+        )
     if any(one.ending.outcome != "completed" for one in done):
         raise WorkFailedError("not every run was completed; what was recorded is kept")
 

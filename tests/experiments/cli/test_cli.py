@@ -52,6 +52,19 @@ def test_run_report_export_import(capsys, tmp_path: Path, quick: str):
     capsys.readouterr()
 
 
+@pytest.mark.parametrize(("measured", "told"), [("false", True), ("true", False)])
+def test_a_run_of_servos_alone_that_nobody_reads_says_what_it_lacks(
+    capsys, tmp_path: Path, measured: str, told: bool
+):
+    protocol, rig = tmp_path / "short.toml", tmp_path / "rig.toml"
+    squares = '[reference]\nshape = "squares"\namplitude = 0.1\nperiod_s = 0.5\n'
+    protocol.write_text(f'title = "s"\nduration_s = 1.0\nservo_only = true\n{squares}')
+    rig.write_text(f'[servo]\nkind = "position"\nangle_measured = {measured}\n')
+    how = ("--arm", "without", "--rig", str(rig), "--out", str(tmp_path / "out"))
+    assert call("run", str(protocol), *how) == 0
+    assert ("only what the servos were told is recorded" in capsys.readouterr().out) == told
+
+
 def test_reproduce_says_of_each_claim_what_matters_and_counts_the_verdicts(
     capsys, monkeypatch, tmp_path: Path
 ):
