@@ -249,7 +249,8 @@ class Things:
 
     def has_twin(self, thing: Thing, reach_px: float) -> bool:
         """Whether another thing that is seen now has its size and colour and, where it travels,
-        drifts too: screws and dots of a plate are several, the ball is one."""
+        drifts too: screws and dots of a plate are several, the ball is one. What touches it is no
+        twin: a ball's image in a glossy plate is less than a diameter away."""
         travels = thing.travel(reach_px) > 1.0
         return any(
             _look_alike(thing, other) and (other.drifts(reach_px) or not travels)
@@ -263,9 +264,11 @@ class Things:
 
 
 def _look_alike(thing: Thing, other: Thing) -> bool:
+    """Whether two things that do not touch have one size and colour."""
+    apart = thing.last.far(other.last) > thing.radius_px + other.radius_px
     size = abs(math.log(thing.radius_px / other.radius_px))
     colours = thing.last.appearance.ball_bgr - other.last.appearance.ball_bgr
-    return size < UNLIKE_SIZE and float(np.linalg.norm(colours)) < UNLIKE_COLOUR
+    return apart and size < UNLIKE_SIZE and float(np.linalg.norm(colours)) < UNLIKE_COLOUR
 
 
 def _is_of(thing: Thing, other: Thing, reach_px: float) -> bool:

@@ -67,6 +67,13 @@ def test_a_mover_is_no_twin_of_what_stays_but_of_what_moves_as_far():
     assert all(both.has_twin(t, REACH) for t in both.all)
 
 
+def test_its_image_in_a_glossy_plate_is_no_twin():
+    ball = lambda k: sighting(200 + 15 * k, 300)  # noqa: E731
+    image = lambda k: sighting(200 + 15 * k, 322)  # noqa: E731
+    things = watched(ball, image)
+    assert not any(things.has_twin(t, REACH) for t in things.all)
+
+
 def test_what_was_seen_once_or_is_gone_is_no_twin():
     there = lambda k: sighting(100, 100)  # noqa: E731
     once = lambda k: sighting(400, 300) if k == 9 else None  # noqa: E731
