@@ -45,7 +45,7 @@ def level_pose(
     a plate that moved meanwhile, markers that are not where the layout says, or a sheet of a wrong
     size.
     """
-    fits = [find_pose(_checked(image, camera), layout, camera) for image in images]
+    fits = [find_pose(of_camera(image, camera), layout, camera) for image in images]
     good = [(image, fit) for image, fit in zip(images, fits, strict=True) if fit is not None]
     if len(good) < MIN_FRAMES:
         raise CalibrationError(
@@ -70,7 +70,9 @@ def level_pose(
     return PlatePose(view.camera_from_plate, covariance, residual_mm, scatter_mm, len(good), scale)
 
 
-def _checked(image: np.ndarray, camera: Camera) -> np.ndarray:
+def of_camera(image: np.ndarray, camera: Camera) -> np.ndarray:
+    """The image (h, w, 3), where it has the size that the camera was calibrated at;
+    `CalibrationError` where it has another."""
     if image.shape[:2] != (camera.height_px, camera.width_px):
         raise CalibrationError(
             f"wrong resolution: a frame of {image.shape[1]}x{image.shape[0]} px does not belong to "

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import least_squares
 
+from calibration.camera.plate import of_camera
 from calibration.camera.sheet import CalibrationError
 from calibration.motion.readout import ReadoutRecorder
 from calibration.motion.rolling import behind_backlash
@@ -129,11 +130,15 @@ class TiltRecorder:
         self._markers = MarkerTilt(global_shutter, layout)
         self._readout = ReadoutRecorder(layout)
         self._row = float(level.pixel_from_plate(np.zeros(3))[0, 1])
-        self._height_px = level.camera.height_px
+        self._camera = level.camera
         self._rows: list[tuple[float, float, float]] = []
 
     def add(self, frame: Frame) -> None:
-        """Measure the tilt in one frame; a frame with too few markers is skipped."""
+        """Measure the tilt in one frame; a frame with too few markers is skipped.
+
+        `CalibrationError`: the frame is not of the camera's size.
+        """
+        of_camera(frame.image, self._camera)
         tilt, _, view = self._markers.step(frame, np.eye(3))
         self._readout.add(frame.t_s, view if tilt is not None else None, frame.image)
         if tilt is not None:
@@ -148,5 +153,7 @@ class TiltRecorder:
         rows = np.array(self._rows).reshape(-1, 3)
         rows = rows[rows[:, 0] <= t_s[-1]]
         readout = self._readout.readout_s()
-        late = ((self._row + 0.5) / self._height_px - 0.5) * (readout.value if readout else 0.0)
+        late = ((self._row + 0.5) / self._camera.height_px - 0.5) * (
+            readout.value if readout else 0.0
+        )
         return Wiggle(t_s, theta_rad, rows[:, 0] + late, rows[:, 1:], readout)

@@ -14,6 +14,7 @@ from rig.hardware.camera.plate_tilt import sines as plate_sines
 from rig.plant.ball import plate_rotation
 from rig.simulation.rendered_camera import RenderedPlateCamera
 from rig.simulation.simulator import SimulatedTable
+from vision.frames import Frame
 from vision.synthetic.synthetic import Renderer, virtual_view
 
 KIND = known(load_rig(None))
@@ -88,3 +89,11 @@ def test_sines_of_a_tilted_view():
     level = virtual_view()
     seen = level.tilted(plate_rotation((0.03, -0.05)))
     assert plate_sines(seen, level) == pytest.approx((0.03, -0.05))
+
+
+def test_frames_of_another_size_than_the_lens_was_calibrated_at_are_refused():
+    level = virtual_view()
+    layout = Renderer(virtual_scene(load_rig(None)), level, np.random.default_rng(0)).scene.layout
+    size = level.camera.height_px // 2, level.camera.width_px // 2, 3
+    with pytest.raises(CalibrationError, match="wrong resolution"):
+        TiltRecorder(level, layout).add(Frame(np.zeros(size, np.uint8), 0.0, 0))
