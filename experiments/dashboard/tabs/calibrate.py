@@ -286,8 +286,8 @@ class CalibrateTab:
                 self._left = ()
                 self._mark(step, "refused", f"refused, because {what}")
                 return
-            self._mark(step, "accepted", "accepted")
             self._keep(step)
+            self._mark(step, "accepted", "accepted")
             self._gallery.show(what)
             self._controls.queue.put("next step", self._next)
 

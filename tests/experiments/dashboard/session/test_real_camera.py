@@ -255,7 +255,8 @@ def test_on_the_page_a_step_borrows_the_camera_that_was_looked_through(lab, bund
         with pytest.raises(ValueError, match="a run or a calibration has the camera"):
             eye.check_free()
         wait_for("the verdict", lambda: tab._state["table"] == "accepted")
-        assert "copy it to" in tab._verdict.content
+        assert "accepted" in tab._verdict.content
+        assert "copy it to" in tab._found.content
         tab.begin(("level",))
         wait_for("the refusal", lambda: tab._state["level"] == "refused")
         assert "record one with the ball" in tab._verdict.content
