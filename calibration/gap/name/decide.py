@@ -22,11 +22,12 @@ from calibration.gap.decision_rule import (
 from calibration.gap.model.state import State, drop_effects
 from calibration.gap.name.bootstrap import ChanceScores, chance_scores
 from calibration.gap.name.naming_steps import NamingStep, Tell, untold
+from calibration.gap.name.refit import CandidateFit
 from calibration.gap.name.stepwise import Accepted, Naming, name_effects
 from calibration.gap.unnamed.basis import UnnamedTerm, unnamed_terms
 
 # Families of terms that act throughout and hold no effect with a name, as a map holds a level.
-HOLDS_NO_NAMES = ("rhythm", "turning")
+HOLDS_NO_NAMES = ("rhythm", "turning", "slipping")
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,19 +120,18 @@ def _names_beside(
     An effect's score beside the term is S + S_term - S_term without the effect: what both explain
     together less what the term explains alone. An effect stays as well if it scores
     MIN_COMPLETENESS of what the term scores in its place, which is the effect and a remainder then,
-    or all that a term of HOLDS_NO_NAMES does.
+    or all that a term of HOLDS_NO_NAMES does. After each that does not stay the others are asked
+    again: names that together stand in for one thing hold each other up.
     """
-    kept: list[Accepted] = []
     for one in accepted:
-        keys = [(one.name, axis) for axis in one.axes]
-        bare = drop_effects(state, keys)
+        bare = drop_effects(state, [(one.name, axis) for axis in one.axes])
+        score = CandidateFit(one.name, one.axes, state, bare.fit.cost - state.fit.cost).score
         rival = significant(unnamed_terms(bare))
         in_its_place = rival.score if rival is not None else 0.0
         need = max(NAME_THRESHOLD, UNNAMED_SHARE * left.score)
         other = rival is not None and rival.kind in HOLDS_NO_NAMES
-        is_it = one.score >= (1.0 if other else MIN_COMPLETENESS) * in_its_place
-        if is_it or one.score + left.score - in_its_place >= need:
-            kept.append(one)
-        else:
-            state = bare
-    return tuple(kept), state
+        is_it = score >= (1.0 if other else MIN_COMPLETENESS) * in_its_place
+        if not is_it and score + left.score - in_its_place < need:
+            rest = tuple(kept for kept in accepted if kept is not one)
+            return _names_beside(rival or left, rest, bare)
+    return accepted, state

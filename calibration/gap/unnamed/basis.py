@@ -14,11 +14,9 @@ is more; 0 where the term's RMS along the recorded motion is below what counts (
 
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
-from itertools import accumulate
 
 import numpy as np
-from scipy.signal import correlate
-from scipy.spatial.transform import Rotation
+from scipy.signal import correlate, lfilter
 
 from calibration.gap.decision_rule import MIN_FELT, PENALTY_PER_PARAMETER, SEARCH_PENALTY
 from calibration.gap.model.data import Evidence
@@ -32,8 +30,10 @@ from calibration.gap.model.fit import (
 )
 from calibration.gap.model.parameters import BALL, SERVO
 from calibration.gap.model.state import State
+from calibration.gap.unnamed.forces import slipping_forces, turning_forces
 from rig.discrepancy import Discrepancy, discrepancy_acceleration, pack, servo_discrepancy
 
+PUSH_S = 0.05  # of a push whose response is that of any force; chosen
 WINDOWS_S = (0.3, 0.6, 1.2, 2.5, 5.0, 10.0)
 ORDERS = (1, 2, 3)  # of a map over the plate
 SMOOTHING_SAMPLES = 15  # of a servo's speed: encoder counts are steps
@@ -43,9 +43,10 @@ UNIT_BALL, UNIT_VOLTS, UNIT_ANGLE = 0.02, 0.02, 0.002
 
 @dataclass(frozen=True, eq=False)
 class UnnamedTerm:
-    """An unnamed term: its output, its kind (map, speed, rhythm, segment or turning), score,
-    coefficients (`unknown`), and the state with it in its model, not yet predicted with it (`plain`
-    is without). The model cannot hold a turning one: its `unknown` and state are those without."""
+    """An unnamed term: its output, its kind (map, speed, rhythm, segment, turning or slipping),
+    score, coefficients (`unknown`), and the state with it in its model, not yet predicted with it
+    (`plain` is without). The model cannot hold the last two: their `unknown` and state are those
+    without."""
 
     output: str
     kind: str
@@ -94,7 +95,9 @@ def _terms_of(state: State, output: str) -> Iterator[UnnamedTerm]:
             state, output, "rhythm", units, nuisance, {f"{side}_rhythm_hz": hz}, SEARCH_PENALTY
         )
     if output == BALL and all(state.evidence.ball_axes):
-        yield turning(state, nuisance)
+        yield _along(state, nuisance, "turning", turning_forces(state))
+        for forces in slipping_forces(state):
+            yield _along(state, nuisance, "slipping", forces[:, :, None], 0.0)
     units = [(f"{side}_segment", "xy".index(a)) for a in axes]
     for window in _windows(state, output, side):
         fixed = {f"{side}_segment_s": window}
@@ -296,50 +299,35 @@ def _response(
     return z[i:end] if end > i else None
 
 
-def _attitude(path_m: np.ndarray, radius_m: float) -> np.ndarray:
-    """Attitude (n, 3, 3) of a ball that rolls without slip along `path_m` (n, 2), first the
-    identity: R_i = exp([(-dy, dx, 0)/r]x) R_(i-1)."""
-    dx, dy = np.diff(path_m, axis=0, prepend=path_m[:1]).T
-    steps = Rotation.from_rotvec(np.column_stack([-dy, dx, np.zeros(len(dx))]) / radius_m)
-    return np.array(list(accumulate(steps.as_matrix(), lambda done, step: step @ done)))
-
-
-def turning(state: State, nuisance: tuple) -> UnnamedTerm:
-    """The force that turns with the ball, as of a heavy side: c (R e)_xy, linear in the vector c e.
-
-    R is the ball's attitude along its path, e the direction of the heavy side at the start of each
-    run. The force acts on the innovations through the filter's response to a short push.
-    `nuisance`: columns, lower and upper bounds, and scales of the parameters that are free beside
-    it.
+def _along(
+    state: State, nuisance: tuple, kind: str, forces: np.ndarray, low: float = -np.inf
+) -> UnnamedTerm:
+    """A term c f of the ball that the model cannot hold: forces f (n, 2, k) along the recorded
+    motion [m/s2], which act on the innovations through the filter's response to a short push, and
+    their sizes c (k,), none below `low`. `nuisance`: columns, room below and above, and steps of
+    the parameters that are free beside it.
     """
-    kernel = _response(state.evidence, state, BALL, "ball", 0.05, 2)
-    found: list[np.ndarray] = []
-    total = sum(len(run.exposed_s) for run in state.evidence.runs)
+    kernel = _response(state.evidence, state, BALL, "ball", PUSH_S, 2)
+    step_s = float(np.median(np.concatenate([np.diff(r.exposed_s) for r in state.evidence.runs])))
+    unit = UNIT_BALL * max(round(PUSH_S / step_s), 1)
+    answers, k = np.zeros_like(forces), forces.shape[2]
     begin = 0
     for run in state.evidence.runs:
-        n = len(run.exposed_s)
-        if not n:  # on the servos alone: no ball turns
-            continue
-        turned = _attitude(run.ball_m, state.nominal.rig.ball.radius_m)
-        for j in range(3):
-            column = np.zeros((total, 2))
-            for a in range(2):
-                answer = np.convolve(turned[:, a, j], kernel if kernel is not None else [0.0])
-                column[begin : begin + n, a] = answer[:n] / (3 * UNIT_BALL)
-            found.append(column.ravel())
-        begin += n
-    k = len(found)
-    columns = np.column_stack([nuisance[0], *found])
+        end = begin + len(run.exposed_s)
+        if kernel is not None and end > begin:
+            answer = lfilter(kernel / unit, [1.0], forces[begin:end], axis=0)
+            answers[begin:end] = answer
+        begin = end
+    columns = np.column_stack([nuisance[0], answers.reshape(-1, k)])
     only = ParameterFit(state.fit.setting, {BALL: state.fit.rolls[BALL]}, {})
     a, b = normal_equations(state.evidence, only, {BALL: columns})
-    low, high = (
-        np.append(side, np.full(k, s * np.inf))
-        for side, s in zip(nuisance[1:3], (-1, 1), strict=True)
-    )
-    step = bounded_step(a, b, low, high, np.append(nuisance[3], np.full(k, UNIT_BALL)))
+    least = np.append(nuisance[1], np.full(k, low))
+    most = np.append(nuisance[2], np.full(k, np.inf))
+    size = np.sqrt(np.mean(np.square(forces), axis=(0, 1))) + 1e-12
+    step = bounded_step(a, b, least, most, np.append(nuisance[3], UNIT_BALL / size))
     gain = -float(0.5 * step @ a @ step + b @ step)
-    if np.linalg.norm(step[-k:]) / k**0.5 < MIN_FELT["ball"]:
+    if np.sqrt(np.mean(np.square(forces @ step[-k:]))) < MIN_FELT["ball"]:
         gain = 0.0
     return UnnamedTerm(
-        BALL, "turning", gain - PENALTY_PER_PARAMETER * k, state.nominal.rig.unknown, state
+        BALL, kind, gain - PENALTY_PER_PARAMETER * k, state.nominal.rig.unknown, state
     )

@@ -36,6 +36,7 @@ def describe(term: UnnamedTerm) -> str:
             f"{scale * _largest(u, side, 'rhythm'):.2g} {unit}"
         ),
         "turning": lambda: "a force that turns with the ball, as of one that is heavier on a side",
+        "slipping": lambda: "a force as of a ball that slips where the plate is steep",
         "segment": lambda: (
             f"from {getattr(u, f'{side}_segment_s')[0]:.1f} to "
             f"{getattr(u, f'{side}_segment_s')[1]:.1f} s only, "

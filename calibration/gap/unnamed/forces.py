@@ -1,0 +1,99 @@
+"""Forces on the ball that follow from its recorded motion and that no model of a table holds.
+
+**Turning.** A ball that is heavier on a side is pushed by c (R e)_xy, with R its attitude along its
+path and e the direction of the heavy side at the start of each run: linear in the vector c e.
+
+**Slipping.** A ball rolls as long as friction at the contact supplies the force f_r = (1 - k) a,
+with a the acceleration that it would have without friction (g sin of the tilt) and k its rolling
+factor, 5/7 of a solid ball. Friction gives mu g at most. With s the contact's slip,
+
+    s' = a - f/(1 - k),   f = -> f_r, at most mu g along what would end the slip
+
+and the ball is pushed by f_r - f beyond what a rolling one is. (Routh, Dynamics of a System of
+Rigid Bodies, part 2, 1905, chapter 5.) The motion of the plate itself is left out.
+"""
+
+from itertools import accumulate
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from calibration.gap.model.state import State
+from calibration.gap.prove import model_of
+from rig.compiled import compiled
+from rig.parameters import GRAVITY_M_S2
+from rig.plant.plant import felt_angle
+from rig.plant.position_plant import felt_sines
+from rig.prediction.innovations import Signals
+
+# Largest friction over that which rolling needs, as quantiles of the need: the ball slips from half
+# of the time to a hundredth.
+SLIPS_BEYOND = (0.5, 0.65, 0.8, 0.9, 0.95, 0.99)
+
+
+def turning_forces(state: State) -> np.ndarray:
+    """R_xy (n, 2, 3 runs) at the exposures of all runs, of a ball that rolls; 0 in other runs."""
+    runs, radius_m = state.evidence.runs, state.nominal.rig.ball.radius_m
+    found, begin = np.zeros((sum(len(r.exposed_s) for r in runs), 2, 3 * len(runs))), 0
+    for i, run in enumerate(runs):
+        end = begin + len(run.exposed_s)
+        found[begin:end, :, 3 * i : 3 * i + 3] = attitude(run.ball_m, radius_m)[:, :2]
+        begin = end
+    return found
+
+
+def attitude(path_m: np.ndarray, radius_m: float) -> np.ndarray:
+    """Attitude (n, 3, 3) of a ball that rolls without slip along `path_m` (n, 2), first the
+    identity: R_i = exp([(-dy, dx, 0)/r]x) R_(i-1)."""
+    if not len(path_m):
+        return np.zeros((0, 3, 3))
+    dx, dy = np.diff(path_m, axis=0, prepend=path_m[:1]).T
+    steps = Rotation.from_rotvec(np.column_stack([-dy, dx, np.zeros(len(dx))]) / radius_m)
+    return np.array(list(accumulate(steps.as_matrix(), lambda done, step: step @ done)))
+
+
+def slipping_forces(state: State) -> list[np.ndarray]:
+    """The module's f_r - f (n, 2) [m/s2] at the exposures of all runs, for each largest friction
+    of SLIPS_BEYOND; of a ball that never needs any, none."""
+    p, runs = model_of(state).record, state.evidence.runs
+    factor = float(p["factor"])
+    driven = [(_driven(p, run), run.exposed_s) for run in runs]
+    need = np.concatenate([(1.0 - factor) * np.hypot(*a.T) for a, _ in driven])
+    most = np.unique(np.quantile(need, SLIPS_BEYOND)) if len(need) else []
+    return [
+        np.concatenate([slip_force(t, a, factor, m) for a, t in driven]) for m in most if m > 0.0
+    ]
+
+
+def _driven(p: np.record, run: Signals) -> np.ndarray:
+    """g sin of the tilt (n, 2) [m/s2] at the exposures of a run."""
+    t, theta = run.angles(p)
+    at = np.column_stack([np.interp(run.exposed_s, t, theta[:, a]) for a in range(2)])
+    return GRAVITY_M_S2 * (_sines(p, at) + p["level_offset_slope_rad"])
+
+
+@compiled
+def _sines(p, theta):
+    """Sines of the plate's tilt (n, 2) [1] at servo angles theta (n, 2) [rad]."""
+    out = np.empty_like(theta)
+    for i in range(len(theta)):
+        out[i] = felt_sines(p, felt_angle(p, 0, theta[i, 0]), felt_angle(p, 1, theta[i, 1]))
+    return out
+
+
+@compiled
+def slip_force(t, a, factor, most):
+    """f_r - f (n, 2) [m/s2] by the module's equations, at times t (n,) [s], from a (n, 2) [m/s2],
+    the rolling factor and the largest friction `most` = mu g [m/s2]; it rolls at first.
+
+    Implicit steps: the friction of a step is what ends the slip, or the most there is.
+    """
+    out, s = np.zeros_like(a), np.zeros(2)
+    for i in range(1, len(t)):
+        h, mean = t[i] - t[i - 1], 0.5 * (a[i - 1] + a[i])
+        ends = (1.0 - factor) * (s / h + mean)
+        size = np.sqrt(ends[0] ** 2 + ends[1] ** 2)
+        f = ends * min(1.0, most / size) if size > 0.0 else ends
+        s += h * (mean - f / (1.0 - factor))
+        out[i] = (1.0 - factor) * mean - f
+    return out
