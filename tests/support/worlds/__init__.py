@@ -51,6 +51,7 @@ WORLDS = {
         default_mujoco.mujoco_gears,
         default_mujoco.mujoco_joint,
         default_mujoco.mujoco_walls,
+        default_mujoco.mujoco_slipping_ball,
         healthy.plain,
         healthy.coloured_torque,
         healthy.pink_drift,

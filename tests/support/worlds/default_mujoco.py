@@ -66,11 +66,11 @@ def _rim() -> str:
     )
 
 
-def _model(pairs: dict, *, walls: bool) -> str:
+def _model(pairs: dict, *, walls: bool, grip: float) -> str:
     axes = [_axis(n, *(pairs.get(k, (0.0, 0.0))[a] for k in KEYS)) for a, n in enumerate("xy")]
     bodies, tendons, equalities, motors = ("".join(part) for part in zip(*axes, strict=True))
     inertia = 2.0 / 3.0 * MASS_kg * RADIUS_m**2
-    contact = 'condim="6" friction="1 0.0001 0"'
+    contact = f'condim="6" friction="{grip} 0.0001 0"'
     return f"""<mujoco><option timestep="{STEP_s}" integrator="implicitfast" cone="elliptic"
  gravity="0 0 {-G_m_s2}"/><worldbody>{bodies}
 <body name="plate"><joint name="plate_y" axis="-1 0 0"/><joint name="plate_x" axis="0 1 0"/>
@@ -106,12 +106,12 @@ class Pilot:
         return np.clip(14.0 * (wanted - theta), -6.0, 6.0)
 
 
-def _log(seed: int, size_m=0.08, *, walls=False, seconds=40.0, rows_hz=500.0, **pairs):
+def _log(seed: int, size_m=0.08, *, walls=False, grip=1.0, seconds=40.0, rows_hz=500.0, **pairs):
     """Columns of a closed-loop run with random steps of the target."""
     import mujoco
 
     rng = np.random.default_rng(seed)
-    m = mujoco.MjModel.from_xml_string(_model(pairs, walls=walls))
+    m = mujoco.MjModel.from_xml_string(_model(pairs, walls=walls, grip=grip))
     d = mujoco.MjData(m)
     n, inner = int(seconds * rows_hz), round(1.0 / rows_hz / STEP_s)
     arms = [m.joint(f"arm_{a}").qposadr[0] for a in "xy"]
@@ -174,3 +174,8 @@ def mujoco_walls(seed: int) -> World:
     columns = _log(seed, 0.15, walls=True)
     rig = rig_toml(walls={"present": True, "restitution": 0.5})
     return columns, rig, truth({}, TWIN, kind="healthy")
+
+
+def mujoco_slipping_ball(seed: int) -> World:
+    """An oily plate: friction coefficient 0.006, the ball slides where the plate is steep."""
+    return _log(seed, grip=0.006), rig_toml(), truth({}, TWIN, kind="unknown")
