@@ -27,7 +27,7 @@ from rig.plant.position_plant import felt_sines
 from rig.prediction.innovations import Signals
 
 # Largest friction over that which rolling needs, as quantiles of the need: the ball slips from half
-# of the time to a hundredth.
+# of the time to a hundredth of it.
 SLIPS_BEYOND = (0.5, 0.65, 0.8, 0.9, 0.95, 0.99)
 
 
