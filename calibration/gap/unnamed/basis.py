@@ -30,7 +30,7 @@ from calibration.gap.model.fit import (
 )
 from calibration.gap.model.parameters import BALL, SERVO
 from calibration.gap.model.state import State
-from calibration.gap.unnamed.forces import slipping_forces, turning_forces
+from calibration.gap.unnamed.forces import pushes, slipping_forces, turning_forces
 from rig.discrepancy import Discrepancy, discrepancy_acceleration, pack, servo_discrepancy
 
 PUSH_S = 0.05  # of a push whose response is that of any force; chosen
@@ -43,16 +43,17 @@ UNIT_BALL, UNIT_VOLTS, UNIT_ANGLE = 0.02, 0.02, 0.002
 
 @dataclass(frozen=True, eq=False)
 class UnnamedTerm:
-    """An unnamed term: its output, its kind (map, speed, rhythm, segment, turning or slipping),
-    score, coefficients (`unknown`), and the state with it in its model, not yet predicted with it
-    (`plain` is without). The model cannot hold the last two: their `unknown` and state are those
-    without."""
+    """An unnamed term: its output, its kind (map, speed, rhythm, segment, turning, slipping or
+    pushes), score, coefficients (`unknown`), and the state with it in its model, not yet predicted
+    with it (`plain` is without). The model cannot hold the last three: their `unknown` and state
+    are those without. `windows_s`: of pushes, when."""
 
     output: str
     kind: str
     score: float
     unknown: Discrepancy
     state: State
+    windows_s: tuple[tuple[float, float], ...] = ()
 
     @property
     def channel(self) -> str:
@@ -95,9 +96,11 @@ def _terms_of(state: State, output: str) -> Iterator[UnnamedTerm]:
             state, output, "rhythm", units, nuisance, {f"{side}_rhythm_hz": hz}, SEARCH_PENALTY
         )
     if output == BALL and all(state.evidence.ball_axes):
-        yield _along(state, nuisance, "turning", turning_forces(state))
+        answer = _answer(state)
+        yield _along(state, nuisance, "turning", turning_forces(state), answer)
         for forces in slipping_forces(state):
-            yield _along(state, nuisance, "slipping", forces[:, :, None], 0.0)
+            yield _along(state, nuisance, "slipping", forces[:, :, None], answer, low=0.0)
+        yield _pushes(state, nuisance, answer)
     units = [(f"{side}_segment", "xy".index(a)) for a in axes]
     for window in _windows(state, output, side):
         fixed = {f"{side}_segment_s": window}
@@ -299,35 +302,67 @@ def _response(
     return z[i:end] if end > i else None
 
 
+def _answer(state: State) -> np.ndarray:
+    """The change of the ball's residuals (m,) by a force of 1 m/s2 over one exposure, from then on:
+    a share of that by a short push. Empty where no samples show it."""
+    answer = _response(state.evidence, state, BALL, "ball", PUSH_S, 2)
+    if answer is None:
+        return np.zeros(0)
+    step_s = float(np.median(np.concatenate([np.diff(r.exposed_s) for r in state.evidence.runs])))
+    return answer / (UNIT_BALL * max(round(PUSH_S / step_s), 1))
+
+
+def _pushes(state: State, nuisance: tuple, answer: np.ndarray) -> UnnamedTerm:
+    """Pushes of the ball at several times, each of its own size."""
+    t, run = (column[::2] for column in state.evidence.times(BALL))
+    z = state.fit.z(BALL)
+    w = weights(z, state.evidence.masks[BALL]).reshape(-1, 2)
+    rows = [max(round(length / float(np.median(np.diff(t)))), 1) for length in WINDOWS_S]
+    answers = [np.convolve(answer, np.ones(m)) for m in rows] if len(answer) else []
+    cost = 2 * PENALTY_PER_PARAMETER + SEARCH_PENALTY
+    found = pushes(z.reshape(-1, 2), w, run, answers, cost) if answers else []
+    forces = np.zeros((len(t), 2, 2 * len(found)))
+    for k, (first, length) in enumerate(found):
+        for a in range(2):
+            forces[first : first + rows[length], a, 2 * k + a] = 1.0
+    term = _along(state, nuisance, "pushes", forces, answer, searched=SEARCH_PENALTY * len(found))
+    windows = [(float(t[i]), float(t[i]) + WINDOWS_S[j]) for i, j in found]
+    return replace(term, windows_s=tuple(sorted(windows)))
+
+
 def _along(
-    state: State, nuisance: tuple, kind: str, forces: np.ndarray, low: float = -np.inf
+    state: State,
+    nuisance: tuple,
+    kind: str,
+    forces: np.ndarray,
+    answer: np.ndarray,
+    *,
+    low: float = -np.inf,
+    searched: float = 0.0,
 ) -> UnnamedTerm:
     """A term c f of the ball that the model cannot hold: forces f (n, 2, k) along the recorded
-    motion [m/s2], which act on the innovations through the filter's response to a short push, and
-    their sizes c (k,), none below `low`. `nuisance`: columns, room below and above, and steps of
-    the parameters that are free beside it.
+    motion [m/s2], to which the innovations answer as to many short pushes (`_answer`), and their
+    sizes c (k,), none below `low`. `nuisance`: columns, room below and above, and steps of the
+    parameters that are free beside it; `searched`: what the search for the forces costs.
     """
-    kernel = _response(state.evidence, state, BALL, "ball", PUSH_S, 2)
-    step_s = float(np.median(np.concatenate([np.diff(r.exposed_s) for r in state.evidence.runs])))
-    unit = UNIT_BALL * max(round(PUSH_S / step_s), 1)
-    answers, k = np.zeros_like(forces), forces.shape[2]
-    begin = 0
+    k, begin = forces.shape[2], 0
+    term = UnnamedTerm(BALL, kind, -PENALTY_PER_PARAMETER * k, state.nominal.rig.unknown, state)
+    if not len(answer) or not k:
+        return term
+    columns = np.zeros_like(forces)
     for run in state.evidence.runs:
         end = begin + len(run.exposed_s)
-        if kernel is not None and end > begin:
-            answer = lfilter(kernel / unit, [1.0], forces[begin:end], axis=0)
-            answers[begin:end] = answer
+        if end > begin:
+            columns[begin:end] = lfilter(answer, [1.0], forces[begin:end], axis=0)
         begin = end
-    columns = np.column_stack([nuisance[0], answers.reshape(-1, k)])
+    joint = np.column_stack([nuisance[0], columns.reshape(-1, k)])
     only = ParameterFit(state.fit.setting, {BALL: state.fit.rolls[BALL]}, {})
-    a, b = normal_equations(state.evidence, only, {BALL: columns})
+    a, b = normal_equations(state.evidence, only, {BALL: joint})
     least = np.append(nuisance[1], np.full(k, low))
     most = np.append(nuisance[2], np.full(k, np.inf))
     size = np.sqrt(np.mean(np.square(forces), axis=(0, 1))) + 1e-12
     step = bounded_step(a, b, least, most, np.append(nuisance[3], UNIT_BALL / size))
-    gain = -float(0.5 * step @ a @ step + b @ step)
     if np.sqrt(np.mean(np.square(forces @ step[-k:]))) < MIN_FELT["ball"]:
-        gain = 0.0
-    return UnnamedTerm(
-        BALL, kind, gain - PENALTY_PER_PARAMETER * k, state.nominal.rig.unknown, state
-    )
+        return term
+    gain = -float(0.5 * step @ a @ step + b @ step)
+    return replace(term, score=gain + term.score - searched)

@@ -11,11 +11,21 @@ factor, 5/7 of a solid ball. Friction gives mu g at most. With s the contact's s
 
 and the ball is pushed by f_r - f beyond what a rolling one is. (Routh, Dynamics of a System of
 Rigid Bodies, part 2, 1905, chapter 5.) The motion of the plate itself is left out.
+
+**Pushes.** Hands or gusts give constant forces from one time to another. They are found one after
+the other (matching pursuit: Mallat and Zhang, IEEE Trans. Signal Proc. 41, 1993): of residuals
+z with weights w, a push whose answer is k and which begins at row i explains
+
+    G = 1/2 sum over x, y of (sum w z k)^2/(sum w k^2)
+
+which has to be more than it costs.
 """
 
+from collections.abc import Sequence
 from itertools import accumulate
 
 import numpy as np
+from scipy.signal import fftconvolve
 from scipy.spatial.transform import Rotation
 
 from calibration.gap.model.state import State
@@ -29,6 +39,7 @@ from rig.prediction.innovations import Signals
 # Largest friction over that which rolling needs, as quantiles of the need: the ball slips from half
 # of the time to a hundredth of it.
 SLIPS_BEYOND = (0.5, 0.65, 0.8, 0.9, 0.95, 0.99)
+MOST_PUSHES = 16  # so many more hardly change what is explained; chosen
 
 
 def turning_forces(state: State) -> np.ndarray:
@@ -97,3 +108,36 @@ def slip_force(t, a, factor, most):
         s += h * (mean - f / (1.0 - factor))
         out[i] = (1.0 - factor) * mean - f
     return out
+
+
+def pushes(
+    z: np.ndarray, w: np.ndarray, run: np.ndarray, answers: Sequence[np.ndarray], cost: float
+) -> list[tuple[int, int]]:
+    """Pushes that each explain more than `cost`, as the rows at which they begin and the index of
+    their answer; z, w (n, 2): residuals and weights of a ball; run (n,): the run of each row, which
+    a push does not leave; answers: of the residuals to a push of each length, from its begin on."""
+    found: list[tuple[int, int]] = []
+    left, n = z.copy(), len(z)
+    ended = np.append(np.flatnonzero(np.diff(run)) + 1, n)
+    end = ended[np.searchsorted(ended, np.arange(n), "right")]  # of each row's run
+    lag = [np.arange(n) + len(k) <= end for k in answers]
+    told = [_sums(w, k**2) for k in answers]
+    while len(found) < MOST_PUSHES:
+        sums = [_sums(w * left, k) for k in answers]
+        gains = [
+            0.5 * np.sum(s**2 / np.maximum(t, 1e-9), axis=1) * fits
+            for s, t, fits in zip(sums, told, lag, strict=True)
+        ]
+        j = int(np.argmax([gain.max() for gain in gains]))
+        i = int(np.argmax(gains[j]))
+        if gains[j][i] <= cost:
+            break
+        found.append((i, j))
+        size = sums[j][i] / np.maximum(told[j][i], 1e-9)
+        left[i : i + len(answers[j])] -= answers[j][:, None] * size
+    return found
+
+
+def _sums(rows: np.ndarray, k: np.ndarray) -> np.ndarray:
+    """sum_j rows[i + j] k[j] for each i, (n, 2)."""
+    return fftconvolve(rows, k[::-1, None], axes=0)[len(k) - 1 :]
