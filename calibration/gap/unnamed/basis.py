@@ -30,7 +30,7 @@ from calibration.gap.model.fit import (
 )
 from calibration.gap.model.parameters import BALL, SERVO
 from calibration.gap.model.state import State
-from calibration.gap.unnamed.forces import pushes, slipping_forces, turning_forces
+from calibration.gap.unnamed.forces import as_one, pushes, slipping_forces, turning_forces
 from rig.discrepancy import Discrepancy, discrepancy_acceleration, pack, servo_discrepancy
 
 PUSH_S = 0.05  # of a push whose response is that of any force; chosen
@@ -46,7 +46,7 @@ class UnnamedTerm:
     """An unnamed term: its output, its kind (map, speed, rhythm, segment, turning, slipping or
     pushes), score, coefficients (`unknown`), and the state with it in its model, not yet predicted
     with it (`plain` is without). The model cannot hold the last three: their `unknown` and state
-    are those without. `windows_s`: of pushes, when."""
+    are those without, and `felt_m_s2` is their RMS by axis. `windows_s`: of pushes, when."""
 
     output: str
     kind: str
@@ -54,6 +54,7 @@ class UnnamedTerm:
     unknown: Discrepancy
     state: State
     windows_s: tuple[tuple[float, float], ...] = ()
+    felt_m_s2: tuple[float, float] = (0.0, 0.0)
 
     @property
     def channel(self) -> str:
@@ -67,7 +68,8 @@ class UnnamedTerm:
                 if name.startswith("ball") and name.endswith(axis) and isinstance(value, tuple)
             )
             + (self.unknown.ball_segment["xy".index(axis)] ** 2)
-            for axis in "xy"
+            + felt**2
+            for axis, felt in zip("xy", self.felt_m_s2, strict=True)
         ]
         return "ball_x" if size[0] >= size[1] else "ball_y"
 
@@ -95,14 +97,19 @@ def _terms_of(state: State, output: str) -> Iterator[UnnamedTerm]:
         yield _fitted(
             state, output, "rhythm", units, nuisance, {f"{side}_rhythm_hz": hz}, SEARCH_PENALTY
         )
+    alone: list[tuple[float, float]] = []
     if output == BALL and all(state.evidence.ball_axes):
         answer = _answer(state)
         yield _along(state, nuisance, "turning", turning_forces(state), answer)
         for forces in slipping_forces(state):
             yield _along(state, nuisance, "slipping", forces[:, :, None], answer, low=0.0)
-        yield _pushes(state, nuisance, answer)
+        found = _pushed(state, answer)
+        if len(found) > 1:
+            yield _pushes(state, nuisance, answer, found)
+        t = state.evidence.times(BALL)[0][::2]
+        alone = [(float(t[i]), float(t[j - 1])) for i, j in found[:1] if len(found) == 1]
     units = [(f"{side}_segment", "xy".index(a)) for a in axes]
-    for window in _windows(state, output, side):
+    for window in [*_windows(state, output, side), *alone]:
         fixed = {f"{side}_segment_s": window}
         yield _fitted(state, output, "segment", units, nuisance, fixed, SEARCH_PENALTY)
 
@@ -312,22 +319,32 @@ def _answer(state: State) -> np.ndarray:
     return answer / (UNIT_BALL * max(round(PUSH_S / step_s), 1))
 
 
-def _pushes(state: State, nuisance: tuple, answer: np.ndarray) -> UnnamedTerm:
-    """Pushes of the ball at several times, each of its own size."""
+def _pushed(state: State, answer: np.ndarray) -> list[tuple[int, int]]:
+    """The rows of the exposures at which pushes of the ball begin and end, in order; `answer`: of
+    `_answer`."""
     t, run = (column[::2] for column in state.evidence.times(BALL))
+    if not len(answer):
+        return []
     z = state.fit.z(BALL)
     w = weights(z, state.evidence.masks[BALL]).reshape(-1, 2)
-    rows = [max(round(length / float(np.median(np.diff(t)))), 1) for length in WINDOWS_S]
-    answers = [np.convolve(answer, np.ones(m)) for m in rows] if len(answer) else []
+    step_s = float(np.median(np.diff(t)))
+    rows = [max(round(length / step_s), 1) for length in WINDOWS_S]
     cost = 2 * PENALTY_PER_PARAMETER + SEARCH_PENALTY
-    found = pushes(z.reshape(-1, 2), w, run, answers, cost) if answers else []
+    answers = [np.convolve(answer, np.ones(m)) for m in rows]
+    found = pushes(z.reshape(-1, 2), w, run, answers, cost)
+    return as_one([(i, i + rows[j], size) for i, j, size in found], rows[0], run)
+
+
+def _pushes(
+    state: State, nuisance: tuple, answer: np.ndarray, found: list[tuple[int, int]]
+) -> UnnamedTerm:
+    """Pushes of the ball at several times, each of its own size."""
+    t = state.evidence.times(BALL)[0][::2]
     forces = np.zeros((len(t), 2, 2 * len(found)))
-    for k, (first, length) in enumerate(found):
-        for a in range(2):
-            forces[first : first + rows[length], a, 2 * k + a] = 1.0
+    for k, (first, end) in enumerate(found):
+        forces[first:end, [0, 1], [2 * k, 2 * k + 1]] = 1.0
     term = _along(state, nuisance, "pushes", forces, answer, searched=SEARCH_PENALTY * len(found))
-    windows = [(float(t[i]), float(t[i]) + WINDOWS_S[j]) for i, j in found]
-    return replace(term, windows_s=tuple(sorted(windows)))
+    return replace(term, windows_s=tuple((float(t[i]), float(t[j - 1])) for i, j in found))
 
 
 def _along(
@@ -362,7 +379,8 @@ def _along(
     most = np.append(nuisance[2], np.full(k, np.inf))
     size = np.sqrt(np.mean(np.square(forces), axis=(0, 1))) + 1e-12
     step = bounded_step(a, b, least, most, np.append(nuisance[3], UNIT_BALL / size))
-    if np.sqrt(np.mean(np.square(forces @ step[-k:]))) < MIN_FELT["ball"]:
+    felt = np.sqrt(np.mean(np.square(forces @ step[-k:]), axis=0))
+    if np.sqrt(np.mean(felt**2)) < MIN_FELT["ball"]:
         return term
     gain = -float(0.5 * step @ a @ step + b @ step)
-    return replace(term, score=gain + term.score - searched)
+    return replace(term, score=gain + term.score - searched, felt_m_s2=tuple(felt.tolist()))

@@ -112,11 +112,14 @@ def slip_force(t, a, factor, most):
 
 def pushes(
     z: np.ndarray, w: np.ndarray, run: np.ndarray, answers: Sequence[np.ndarray], cost: float
-) -> list[tuple[int, int]]:
-    """Pushes that each explain more than `cost`, as the rows at which they begin and the index of
-    their answer; z, w (n, 2): residuals and weights of a ball; run (n,): the run of each row, which
-    a push does not leave; answers: of the residuals to a push of each length, from its begin on."""
-    found: list[tuple[int, int]] = []
+) -> list[tuple[int, int, np.ndarray]]:
+    """Pushes that each explain more than `cost`: the rows at which they begin, the index of their
+    answer and their sizes (2,).
+
+    z, w (n, 2): residuals and weights of a ball; run (n,): the run of each row, which a push does
+    not leave; answers: of the residuals to a push of each length, from its begin on.
+    """
+    found: list[tuple[int, int, np.ndarray]] = []
     left, n = z.copy(), len(z)
     ended = np.append(np.flatnonzero(np.diff(run)) + 1, n)
     end = ended[np.searchsorted(ended, np.arange(n), "right")]  # of each row's run
@@ -132,10 +135,25 @@ def pushes(
         i = int(np.argmax(gains[j]))
         if gains[j][i] <= cost:
             break
-        found.append((i, j))
         size = sums[j][i] / np.maximum(told[j][i], 1e-9)
+        found.append((i, j, size))
         left[i : i + len(answers[j])] -= answers[j][:, None] * size
     return found
+
+
+def as_one(
+    found: Sequence[tuple[int, int, np.ndarray]], apart: int, run: np.ndarray
+) -> list[tuple[int, int]]:
+    """First and end rows of pushes (first, end, size), in order: those to the same side between
+    which fewer than `apart` rows lie are one whose length was none of those tried."""
+    merged: list[tuple[int, int, np.ndarray]] = []
+    for first, end, size in sorted(found, key=lambda push: push[:2]):
+        i, j, had = merged[-1] if merged else (0, -apart, size)
+        if first - j < apart and run[first] == run[i] and size @ had > 0.0:
+            merged[-1] = (i, max(j, end), had + size)
+        else:
+            merged.append((first, end, size))
+    return [(first, end) for first, end, _ in merged]
 
 
 def _sums(rows: np.ndarray, k: np.ndarray) -> np.ndarray:

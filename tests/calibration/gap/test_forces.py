@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from calibration.gap import investigate
-from calibration.gap.unnamed.forces import attitude, pushes, slip_force
+from calibration.gap.unnamed.forces import as_one, attitude, pushes, slip_force
 from rig.log import Log
 from rig.rigfile import read_rig
 from tests.support.worlds import WORLDS, logs
@@ -89,7 +89,7 @@ def test_pushes_are_found_where_they_are():
     for (i, j), size in told.items():
         z[i : i + len(ANSWERS[j])] += ANSWERS[j][:, None] * size
     found = pushes(z, w, np.zeros(2400), ANSWERS, COST)
-    assert {(j, round(i, -1)) for i, j in found} == {(j, i) for i, j in told}
+    assert {(j, round(i, -1)) for i, j, _ in found} == {(j, i) for i, j in told}
 
 
 def test_what_is_not_judged_tells_no_push():
@@ -103,8 +103,18 @@ def test_a_push_does_not_leave_its_run():
     """One that would reach over the end of a run is a shorter one there."""
     z, w, run = residuals(1), np.ones((2400, 2)), np.repeat([0, 1], 1200)
     z[1150:1200] += 3.0
-    for i, j in pushes(z, w, run, ANSWERS, COST):
+    for i, j, _ in pushes(z, w, run, ANSWERS, COST):
         assert run[i] == run[i + len(ANSWERS[j]) - 1]
+
+
+def test_a_push_of_another_length_than_those_tried_is_one():
+    run, there, back = np.zeros(900), np.array([0.3, 0.1]), np.array([-0.3, 0.0])
+    assert as_one([(100, 180, there), (182, 202, there)], 20, run) == [(100, 202)]
+    assert as_one([(150, 230, there), (100, 180, there)], 20, run) == [(100, 230)]
+    assert len(as_one([(100, 180, there), (182, 202, back)], 20, run)) == 2
+    assert len(as_one([(100, 180, there), (210, 230, there)], 20, run)) == 2
+    other = np.repeat([0, 1], [181, 719])
+    assert len(as_one([(100, 180, there), (182, 202, there)], 20, other)) == 2
 
 
 def test_noise_is_no_push():
