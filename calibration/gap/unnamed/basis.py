@@ -1,15 +1,17 @@
 """What no name explains: an unnamed term on a fixed basis, fitted to the residuals.
 
-Families (`rig.discrepancy`), each linear in its k coefficients c: a map (force over the plate,
-volts over the servo's angle, or the angle by which it is drawn off where it takes one), a
-dependence on speed, one rhythm, one segment of time, a force that turns with the ball. A
-periodogram proposes the frequency, a matched filter the window. With the other parameters free
+Families, each linear in its k coefficients c. A model can hold (`rig.discrepancy`) a map (force
+over the plate, volts over the servo's angle, or the angle by which it is drawn off where it takes
+one), a dependence on speed, one rhythm and one segment of time; it cannot hold pushes at several
+times and the forces of a ball that slips or is heavy on a side (`calibration.gap.unnamed.forces`).
+A periodogram proposes the frequency, a matched filter the windows. With the other parameters free
 within their tolerance boxes, the score is
 
-    S = G - PENALTY_PER_PARAMETER k - (SEARCH_PENALTY where a frequency or a window was searched)
+    S = G - PENALTY_PER_PARAMETER k - SEARCH_PENALTY (for each frequency or window searched)
 
-with G what the secants promise or, of all but a segment, by how much the cost falls where that
-is more; 0 where the term's RMS along the recorded motion is below what counts (`_least_felt`).
+with G what the secants promise or, of what a model holds but a segment, by how much the cost falls
+where that is more; 0 where the term's RMS along the recorded motion is below what counts
+(`_least_felt`).
 """
 
 from collections.abc import Iterator
