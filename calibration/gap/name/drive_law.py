@@ -25,9 +25,15 @@ import numpy as np
 
 from calibration.gap.decision_rule import NAME_THRESHOLD, penalised_gain
 from calibration.gap.model.fit import evaluate
-from calibration.gap.model.parameters import COAST_KEY, SERVO, NominalModel, released
+from calibration.gap.model.parameters import COAST_KEY, SERVO, SETTLING_KEY, NominalModel, released
 from calibration.gap.model.state import Key, State, cheaper, drop_effects, refit, settle
-from calibration.gap.name.candidates import SIZES, Start, light_arm_backlash_starts, play_ladder
+from calibration.gap.name.candidates import (
+    SETTLING_S,
+    SIZES,
+    Start,
+    light_arm_backlash_starts,
+    play_ladder,
+)
 from calibration.gap.name.load_friction import friction_models
 from calibration.gap.name.screen import at_start_noise
 
@@ -124,7 +130,7 @@ def _fitted(state: State, start: Start, named: tuple[Key, ...]) -> State:
 def best_of_grid(state: State, axis: str) -> list[Start]:
     """Settings of the law's parameters on an axis to fit from, a start each: the best of play and
     offset from a grid with the smallest friction; then, for every play of the joint that is tried,
-    the best friction. state: K, tau and noise to try them with.
+    the best friction and the time in which it settles. state: K, tau and noise to try them with.
     """
     nominal, output = state.nominal, f"servo_{axis}"
     friction, offset, joint = (nominal.of(name, axis)[0] for name in LOADED_LAW[1:])
@@ -146,6 +152,10 @@ def best_of_grid(state: State, axis: str) -> list[Start]:
             for play, volts in product(plays, OFFSETS_V)
         ]
     )
+    settling = f"{friction.effect}.{SETTLING_KEY}.{axis}"
+    laws = list(product(sizes, (0.0, *SETTLING_S)))
+    tight = plays[0] | {offset.name: offset.nominal}
     return [
-        best([found | {friction.name: size, joint.name: play} for size in sizes]) for play in joints
+        best([way | {friction.name: f, settling: s, joint.name: play} for f, s in laws])
+        for way, play in product((found, tight), joints)
     ]
