@@ -1,11 +1,17 @@
 """The law of a drive as a second start: friction, offset and play that act together."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from calibration.gap import investigate
 from calibration.gap.name.drive_law import LAW, begun_with_law
 from calibration.gap.name.stepwise import name_effects, settled_baseline
+from rig.log import Log
+from rig.rigfile import read_rig
 from tests.support.gap.tables import evidence_of, foreign, released
+from tests.support.worlds import WORLDS
 
 HIDDEN = {
     "gear_backlash": {"x": {"play_rad": 0.03}},
@@ -62,3 +68,17 @@ def test_selection_ends_with_the_law_and_nothing_else(evidence):
     found = name_effects(settled_baseline(evidence, released(evidence).nominal))
     assert {one.name for one in found.accepted} == set(HIDDEN)
     assert np.all([one.axes == ("x",) for one in found.accepted])
+
+
+@pytest.mark.slow
+def test_friction_that_settles_is_no_dead_zone_beside_half_of_it(tmp_path: Path):
+    """Another engine's dry friction of 0.4 V settles within 10 ms. A dead zone gains most alone."""
+    pytest.importorskip("mujoco", reason="uv sync --extra benchmark")
+    columns, rig, _ = WORLDS["mujoco_friction_of_one_axis"](2700)
+    (tmp_path / "rig.toml").write_text(rig, "utf-8")
+    log = Log.from_columns(columns)
+    found = investigate([log], read_rig(tmp_path / "rig.toml"), until="name", quick=True).findings
+    sizes = {one.name: one.parameters for one in found.effects}
+    assert set(sizes) <= {"coulomb_friction", "camera_scale"}
+    assert set(sizes["coulomb_friction"]) == {"y"}
+    assert sizes["coulomb_friction"]["y"]["friction_V"].value == pytest.approx(0.4, abs=0.01)
