@@ -29,7 +29,6 @@ from scipy.signal import fftconvolve
 from scipy.spatial.transform import Rotation
 
 from calibration.gap.model.state import State
-from calibration.gap.prove import model_of
 from rig.compiled import compiled
 from rig.parameters import GRAVITY_M_S2
 from rig.plant.plant import felt_angle
@@ -66,7 +65,7 @@ def attitude(path_m: np.ndarray, radius_m: float) -> np.ndarray:
 def slipping_forces(state: State) -> list[np.ndarray]:
     """The module's f_r - f (n, 2) [m/s2] at the exposures of all runs, for each largest friction
     of SLIPS_BEYOND; of a ball that never needs any, none."""
-    p, runs = model_of(state).record, state.evidence.runs
+    p, runs = state.nominal.model(state.fit.setting).record, state.evidence.runs
     factor = float(p["factor"])
     driven = [(_driven(p, run), run.exposed_s) for run in runs]
     need = np.concatenate([(1.0 - factor) * np.hypot(*a.T) for a, _ in driven])
