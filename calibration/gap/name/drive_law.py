@@ -10,8 +10,8 @@ names on a servo, it is begun again from the drive's law,
 
 and what costs less is kept: a search from the full model, as backward elimination is (Draper and
 Smith, Applied Regression Analysis, ch. 15). Names of the law that earn nothing are dropped. It is
-begun without play and offset, too: friction alone that settles within 10 ms (another engine's) was
-told as a dead zone, which gains most at first, with half of the friction beside.
+begun without play and offset, too: of friction alone that settles within 10 ms, as another engine
+has it, a dead zone gains most at first, and half of the friction is left to stand beside it.
 
 The cost is rough along play, friction and offset, since with other values the teeth meet at other
 times; so a grid comes before the fit, at K, tau and delay of the rig file and the noise of a right

@@ -25,7 +25,7 @@ from collections.abc import Sequence
 from itertools import accumulate
 
 import numpy as np
-from scipy.signal import fftconvolve
+from scipy.signal import correlate
 from scipy.spatial.transform import Rotation
 
 from calibration.gap.model.state import State
@@ -36,9 +36,9 @@ from rig.plant.position_plant import felt_sines
 from rig.prediction.innovations import Signals
 
 # Largest friction over that which rolling needs, as quantiles of the need: the ball slips from half
-# of the time to a hundredth of it.
+# of the time to a hundredth of it; chosen.
 SLIPS_BEYOND = (0.5, 0.65, 0.8, 0.9, 0.95, 0.99)
-MOST_PUSHES = 16  # so many more hardly change what is explained; chosen
+MOST_PUSHES = 16  # that are looked for in the logs; chosen
 
 
 def turning_forces(state: State) -> np.ndarray:
@@ -122,19 +122,19 @@ def pushes(
     left, n = z.copy(), len(z)
     ended = np.append(np.flatnonzero(np.diff(run)) + 1, n)
     end = ended[np.searchsorted(ended, np.arange(n), "right")]  # of each row's run
-    lag = [np.arange(n) + len(k) <= end for k in answers]
-    told = [_sums(w, k**2) for k in answers]
+    inside = [np.arange(n) + len(k) <= end for k in answers]
+    energy = [np.maximum(_sums(w, k**2), 1e-9) for k in answers]
     while len(found) < MOST_PUSHES:
         sums = [_sums(w * left, k) for k in answers]
         gains = [
-            0.5 * np.sum(s**2 / np.maximum(t, 1e-9), axis=1) * fits
-            for s, t, fits in zip(sums, told, lag, strict=True)
+            0.5 * np.sum(s**2 / e, axis=1) * fits
+            for s, e, fits in zip(sums, energy, inside, strict=True)
         ]
         j = int(np.argmax([gain.max() for gain in gains]))
         i = int(np.argmax(gains[j]))
         if gains[j][i] <= cost:
             break
-        size = sums[j][i] / np.maximum(told[j][i], 1e-9)
+        size = sums[j][i] / energy[j][i]
         found.append((i, j, size))
         left[i : i + len(answers[j])] -= answers[j][:, None] * size
     return found
@@ -157,4 +157,4 @@ def as_one(
 
 def _sums(rows: np.ndarray, k: np.ndarray) -> np.ndarray:
     """sum_j rows[i + j] k[j] for each i, (n, 2)."""
-    return fftconvolve(rows, k[::-1, None], axes=0)[len(k) - 1 :]
+    return correlate(rows, k[:, None])[len(k) - 1 :]

@@ -103,7 +103,9 @@ def test_a_push_does_not_leave_its_run():
     """One that would reach over the end of a run is a shorter one there."""
     z, w, run = residuals(1), np.ones((2400, 2)), np.repeat([0, 1], 1200)
     z[1150:1200] += 3.0
-    for i, j, _ in pushes(z, w, run, ANSWERS, COST):
+    found = pushes(z, w, run, ANSWERS, COST)
+    assert found
+    for i, j, _ in found:
         assert run[i] == run[i + len(ANSWERS[j]) - 1]
 
 
@@ -134,7 +136,7 @@ def test_noise_is_no_push():
     ],
 )
 def test_what_has_no_name_is_told_as_what_it_is(world: str, seed: int, told: str, tmp_path):
-    """A slip was a camera scale with drag and ripple before, gusts a ripple or a level."""
+    """What else they look like: a camera scale with drag and ripple; a ripple or a level."""
     if world.startswith("mujoco"):
         pytest.importorskip("mujoco", reason="uv sync --extra benchmark")
     columns, rig, _ = WORLDS[world](seed)
