@@ -101,6 +101,8 @@ def slip_force(t, a, factor, most):
     out, s = np.zeros_like(a), np.zeros(2)
     for i in range(1, len(t)):
         h, mean = t[i] - t[i - 1], 0.5 * (a[i - 1] + a[i])
+        if h <= 0.0:  # one exposure, told twice
+            continue
         ends = (1.0 - factor) * (s / h + mean)
         size = np.sqrt(ends[0] ** 2 + ends[1] ** 2)
         f = ends * min(1.0, most / size) if size > 0.0 else ends

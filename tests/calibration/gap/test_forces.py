@@ -40,6 +40,13 @@ def test_a_level_plate_takes_up_the_slip():
     assert t[slips][-1] == pytest.approx(0.5 + speed_m_s / (0.08 / 0.4), abs=0.003)
 
 
+def test_an_exposure_that_is_told_twice_changes_nothing():
+    t, a = np.linspace(0.0, 1.0, 61), np.tile([0.3, 0.4], (61, 1))
+    once = slip_force(t, a, FACTOR, 0.06)
+    twice = slip_force(np.insert(t, 30, t[29]), np.insert(a, 30, a[29], axis=0), FACTOR, 0.06)
+    np.testing.assert_array_equal(np.delete(twice, 30, axis=0), once)
+
+
 @given(st.integers(0, 10_000), st.floats(0.005, 0.2))
 def test_friction_is_never_more_than_there_is(seed: int, most: float):
     rng = np.random.default_rng(seed)
