@@ -15,6 +15,7 @@ from experiments.reports.report import (
     Table,
     write_page,
 )
+from tests.support.in_browser.page import expect
 
 PRINTED_PX = 703  # width of A4 less two margins of 12 mm, at 96 pixels an inch
 LONG = "none | harmonic kinematic error | hold"
@@ -81,19 +82,11 @@ def test_nothing_is_cut_off_on_a_phone_or_on_paper(chromium, page_file):
     assert paper.get_by_text("+0.1 vs retuned 4.5, 5: ha").last.is_visible()  # folded on the screen
 
 
-FADES = """one => { const style = getComputedStyle(one);
-  return ["--fade-start", "--fade-end"].map(name => parseFloat(style.getPropertyValue(name))); }"""
-
-
-def faded(page, box, left_right_px: tuple[float, float]) -> bool:
-    """Whether the left and the right edge of a box come to fade out that far, once that is drawn:
-    within 5 s, for a browser beside other tests is slow."""
+def fades(page, box, left_px: int, right_px: int) -> None:
+    """Asserts how far the left and the right edge of a box come to fade out, once it is drawn."""
     page.wait_for_timeout(200)
-    for _ in range(48):
-        if tuple(box.evaluate(FADES)) == left_right_px:
-            return True
-        page.wait_for_timeout(100)
-    return False
+    for name, wanted_px in (("--fade-start", left_px), ("--fade-end", right_px)):
+        expect(box).to_have_css(name, f"{wanted_px}px")
 
 
 @pytest.mark.parametrize("touch", [False, True])
@@ -101,13 +94,13 @@ def test_a_table_that_goes_on_fades_out_there(chromium, page_file, touch):
     phone = opened(chromium, page_file, 390, is_mobile=touch, has_touch=touch)
     box = phone.locator(".scroll", has_text="run 0").first
     assert "linear-gradient" in box.evaluate("one => getComputedStyle(one).maskImage")
-    assert faded(phone, box, (0, 64))
+    fades(phone, box, 0, 64)
     box.evaluate("one => one.scrollLeft = one.scrollWidth / 2 - one.clientWidth / 2")
-    assert faded(phone, box, (64, 64))
+    fades(phone, box, 64, 64)
     box.evaluate("one => one.scrollLeft = one.scrollWidth")
-    assert faded(phone, box, (64, 0))
+    fades(phone, box, 64, 0)
     wide = opened(chromium, page_file, 1280)
-    assert faded(wide, wide.locator(".scroll", has_text="column 0"), (0, 0))  # all of it is seen
+    fades(wide, wide.locator(".scroll", has_text="column 0"), 0, 0)  # all of it is seen
 
 
 LINES = """one => { const text = document.createRange(); text.selectNodeContents(one);
