@@ -333,17 +333,34 @@ def _along_axes(problem: _Problem, at: ParameterFit, a: np.ndarray) -> tuple[Par
     """Compass search along `_axes`, and by how much C with the prior fell (Kolda, Lewis and
     Torczon, SIAM Review 45, 2003).
 
-    A step of AXIS_LENGTHS standard deviations is repeated as long as C falls. A kink of backlash or
-    friction stops a Gauss-Newton step that crosses it, not one along it.
+    A kink of backlash or friction stops a Gauss-Newton step that crosses it, not one along it.
     """
-    first = cost = problem.cost(at)
+    first = problem.cost(at)
     for axis in _axes(problem, at, a):
-        for length in (sign * length for length in AXIS_LENGTHS for sign in (1.0, -1.0)):
-            tried = problem.moved(at, length * axis)
+        at = _along_axis(problem, at, a, axis)
+    return at, first - problem.cost(at)
+
+
+def _along_axis(
+    problem: _Problem, at: ParameterFit, a: np.ndarray, axis: np.ndarray
+) -> ParameterFit:
+    """The lowest place met along an axis (k,): a step of AXIS_LENGTHS times it, either way, is
+    repeated as long as C falls. Where C rises both ways as `a` promises, within ASTRAY, the shorter
+    steps have nothing to find."""
+    cost, here = problem.cost(at), problem.value(at)
+    for length in AXIS_LENGTHS:
+        told = True
+        for step in (length * axis, -length * axis):
+            tried = problem.moved(at, step)
+            away = problem.value(tried) - here
+            rise, promised = problem.cost(tried) - cost, 0.5 * away @ a @ away
+            told = told and abs(rise - promised) <= ASTRAY * promised
             while (dear := problem.cost(tried)) < cost - CONVERGED_GAIN:
-                at, cost = tried, dear
-                tried = problem.moved(at, length * axis)
-    return at, first - cost
+                at, cost, here = tried, dear, problem.value(tried)
+                tried = problem.moved(at, step)
+        if told:
+            break
+    return at
 
 
 def _axes(problem: _Problem, at: ParameterFit, a: np.ndarray) -> np.ndarray:
