@@ -6,9 +6,10 @@ A sin(n theta + phi) is parametrised by A cos(phi) ("sine") and A sin(phi) ("cos
 model is linear.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from math import atan2, cos, hypot, inf, sin
+from functools import partial
+from math import cos, hypot, inf, sin
 
 import numpy as np
 
@@ -17,15 +18,24 @@ from calibration.gap.decision_rule import (
     MIN_EFFECT_SIZE,
     MIN_TOLERANCE_RATIO,
 )
+from calibration.gap.model.record import (
+    COAST_KEY,
+    FALL_KEY,
+    HEIGHT_KEY,
+    IN_RECORD,
+    PERIODIC,
+    copied,
+    derive,
+    fields_of,
+    places,
+)
 from calibration.gap.model.seen_effects import IN_BOTH, TOLD_TWINS, effects_in, in_ball
 from rig.discrepancy import Discrepancy
 from rig.discrepancy import pack as pack_unknown
 from rig.effects import Effect, values
 from rig.parameters import Rig
-from rig.plant.derived import held_share
 from rig.plant.plant_record import pack
 
-PERIODIC = {"cogging": "amplitude_V", "transmission_ripple": "amplitude_rad"}
 SERVO, BALL = ("servo_x", "servo_y"), "ball"
 CALIBRATED = {"gain_rad_s_V": 0.05, "time_constant_s": 0.10}  # always fitted; beyond: recalibrate
 # Steps of difference quotients: about the tolerances, for backlash and friction have no derivative.
@@ -50,23 +60,14 @@ SHAPE_STEP_SHARE = 0.01  # of the range of what shapes a lab's own effect; chose
 SLOWEST_STRIBECK_RAD_S = 0.04  # below, encoder counts cannot tell it from how friction sets in
 # Ranges beyond the catalogue's, up to the supply: an H-bridge takes half of the volts.
 REACHES_SUPPLY = ("friction_V", "half_width_V", "positive_V", "negative_V")
-# Gear backlash has an inner shape: how far arm and plate coast in the gap (rig.plant.plant_record).
-COAST_KEY, LONGEST_COAST_S2_RAD = "coast_s2_rad", 0.5
-# So has a camera scale: a ball higher than assumed seems larger, and shifted as the plate tilts. At
-# most its own diameter, as where its positions were taken for those of its lowest point or its top.
-HEIGHT_KEY = "height_m"
-# And dry friction: the time constant with which it stops a motor.
+LONGEST_COAST_S2_RAD = 0.5
+# Dry friction has an inner shape: the time constant with which it stops a motor.
 SETTLING_KEY = "settling_s"
-# And the play of a joint: whether the plate stays where its arm left it (0), coasts on in the play,
-# braked (0.5), or falls in it to the side of the ball (1). It is tried, and never free.
-FALL_KEY = "fall_1"
 INNER_SHAPE = {
     "gear_backlash": [COAST_KEY],
     "joint_backlash": [FALL_KEY],
     "camera_scale": [HEIGHT_KEY],
 }
-# not in the catalogue
-IN_RECORD = {COAST_KEY: "gear_coast", FALL_KEY: "joint_fall", HEIGHT_KEY: "camera_height"}
 GUESSES = (0.2, 0.5, 1.0, 2.0, 5.0)  # of the nominal K and tau: starts of a fit far from them
 
 
@@ -170,6 +171,7 @@ class NominalModel:
             self._record["gear_coast"] = inf if coasts else 0.0
             # Of a servo that holds its angle, it holds the plate in its play.
             self._record["joint_friction"] *= float(rig.servo.takes_angle)
+        self._places = places(self._record.dtype)
         self.coasts = bool(np.any(self._record["gear_coast"]))
         self.plate_may_fall = not (self._record["joint_friction"] or rig.servo.takes_angle)
         self.effects = effects_in(rig)
@@ -232,9 +234,11 @@ class NominalModel:
         gear = effect.name == "gear_backlash" and max(self._start["gear_backlash_play_rad"]) == 0.0
         if gear and self.load_friction:
             tolerance = 0.0  # below one count, beside shafts that wind up, it is not identifiable
-        low, high = (-inf, inf) if key == HEIGHT_KEY else _range(effect, key)
-        if key == HEIGHT_KEY:
-            low, high = -2.0 * self.rig.ball.radius_m, 2.0 * self.rig.ball.radius_m
+        if key == HEIGHT_KEY:  # the diameter, as where the ball's lowest point or its top is told
+            high = 2.0 * self.rig.ball.radius_m
+            low = -high
+        else:
+            low, high = _range(effect, key)
         if key in REACHES_SUPPLY:
             high = max(high, self.rig.servo.voltage_limit_V)
         if key in ("limit_V", "limit_rad_s"):
@@ -307,8 +311,7 @@ class NominalModel:
     def model(self, setting: Mapping[str, float]) -> "Model":
         """The model at `setting` (parameter name -> value); parameters that are not in it keep
         their nominal value. `KeyError`: no such parameter."""
-        # `copy` of a record goes through its fields one by one: slower than to set all values.
-        p = np.frombuffer(bytearray(self._record.tobytes()), self._record.dtype)[0]
+        record, numbers = copied(self._record)
         servo = self.rig.servo
         gain, tau = [servo.gain_rad_s_V] * 2, [servo.time_constant_s] * 2
         touched = {}
@@ -323,47 +326,18 @@ class NominalModel:
                 touched.setdefault((parameter.effect, a), {})[parameter.key] = value
         for (effect, a), given in touched.items():
             if self.is_own(effect):
-                self._set_own(p, effect, a, given)
+                self._set_own(record, effect, a, given)
                 continue
-            _set(p, effect, a, given, lambda key, e=effect, b=a: self._nominal(e, key, b))
-        for a in range(2):
-            p["friction_held"][a] = held_share(p["coulomb_friction_settling_s"][a], p["step_s"])
-        for shaft, wound in (("gear", 0.0), ("joint", self._wound)):
-            half = p[f"{shaft}_backlash_play_rad"] / 2 + wound
-            centre = p[f"{shaft}_backlash_offset_rad"]
-            p[f"{shaft}_1"], p[f"{shaft}_2"] = centre + half, centre - half
-        return Model(p, (gain[0], gain[1]), (tau[0], tau[1]))
+            for field, value in fields_of(effect, given, partial(self._nominal, effect, a=a)):
+                numbers[self._places[field][a]] = value
+        derive(numbers, self._places, self._wound)
+        return Model(record, (gain[0], gain[1]), (tau[0], tau[1]))
 
     def _set_own(self, p: np.record, name: str, a: int, given: Mapping[str, float]) -> None:
         """Write the parameters of a lab's own effect into the plant's record."""
         for i, parameter in enumerate(self.catalogue[name].parameters):
             if parameter.key in given:
                 p["own"]["values"][a, self._own[name], i] = given[parameter.key]
-
-
-def _set(
-    p: np.record, effect: str, a: int, given: dict[str, float], nominal: Callable[[str], float]
-) -> None:
-    """Write an effect's parameters into the plant's record."""
-    if effect in PERIODIC:
-        sine, cosine = (given[k] if k in given else nominal(k) for k in ("sine", "cosine"))
-        p[f"{effect}_{PERIODIC[effect]}"][a] = hypot(sine, cosine)
-        p[f"{effect}_phase_rad"][a] = atan2(cosine, sine)
-        if "periods_per_turn" in given:
-            p[f"{effect}_periods_per_turn"][a] = given["periods_per_turn"]
-        return
-    if effect == "dead_zone":
-        both, plus, minus = (
-            given[k] if k in given else nominal(k)
-            for k in ("half_width_V", "positive_V", "negative_V")
-        )
-        p["dead_zone_positive_V"][a], p["dead_zone_negative_V"][a] = both + plus, both + minus
-        return
-    for key, value in given.items():
-        if key == HEIGHT_KEY:
-            p["camera_height"] = value
-        else:
-            p[IN_RECORD.get(key, f"{effect}_{key}")][a] = value
 
 
 @dataclass(frozen=True, eq=False)
