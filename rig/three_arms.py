@@ -22,10 +22,11 @@ from rig.compiled import compiled, inlined
 
 ARMS = 3
 AZIMUTHS = (0.0, 2.0 * pi / 3.0, 4.0 * pi / 3.0)
+COSINES, SINES = tuple(map(cos, AZIMUTHS)), tuple(map(sin, AZIMUTHS))
 # Chosen: a rod within 10 degrees of its arm, or of the horizontal, moves six times as far as what
 # it should hold, and play and errors with it; so does a plate whose three rods nearly meet.
 LEAST_TRANSMISSION = sin(pi / 18)
-NEWTON_STEPS, NEWTON_END_M2, DIFFERENCE = 30, 1e-15, 1e-7
+NEWTON_STEPS, NEWTON_END_M2 = 30, 1e-15
 
 
 @inlined
@@ -37,9 +38,25 @@ def joint(i, s_x, s_y, height, plate_radius):
     c = sqrt(1.0 - s_x * s_x - s_y * s_y)
     xx, yy = 1.0 - s_x * s_x / (1.0 + c), 1.0 - s_y * s_y / (1.0 + c)
     xy = -s_x * s_y / (1.0 + c)
-    u, v = cos(AZIMUTHS[i]), sin(AZIMUTHS[i])
+    u, v = COSINES[i], SINES[i]
     out = u * (0.5 * (xx - yy) + xx * u + xy * v) + v * (-xy + xy * u + yy * v)
     return plate_radius * out, height - plate_radius * (s_x * u + s_y * v)
+
+
+@inlined
+def joint_slopes(i, s_x, s_y, plate_radius):
+    """Derivatives of what `joint` tells by (s_x, s_y, height): of the distance, and of the height
+    (3,) each."""
+    c = sqrt(1.0 - s_x * s_x - s_y * s_y)
+    m = 1.0 / (1.0 + c)
+    m_x, m_y = m * m * s_x / c, m * m * s_y / c
+    u, v = COSINES[i], SINES[i]
+    by_xx, by_yy, by_xy = u * u + 0.5 * u, v * v - 0.5 * u, 2.0 * u * v - v
+    x = by_xx * (2.0 * s_x * m + s_x * s_x * m_x) + by_yy * s_y * s_y * m_x
+    x += by_xy * (s_y * m + s_x * s_y * m_x)
+    y = by_xx * s_x * s_x * m_y + by_yy * (2.0 * s_y * m + s_y * s_y * m_y)
+    y += by_xy * (s_x * m + s_x * s_y * m_y)
+    return (-plate_radius * x, -plate_radius * y, 0.0), (-plate_radius * u, -plate_radius * v, 1.0)
 
 
 @inlined
@@ -64,17 +81,6 @@ def arm_angle(i, s_x, s_y, height, size):
     far = sqrt(x * x + z * z)
     bent = (far * far + arm * arm - rod * rod) / (2.0 * arm * far)
     return atan2(z, x) - acos(bent) if abs(bent) <= 1.0 else nan
-
-
-@compiled
-def _misses(angles, pose, size, misses):
-    """How much longer the square of each rod would be than it is [m2]."""
-    base, plate, arm, rod = size
-    for i in range(ARMS):
-        out, z = joint(i, pose[0], pose[1], pose[2], plate)
-        x = out - base - arm * cos(angles[i])
-        z -= arm * sin(angles[i])
-        misses[i] = x * x + z * z - rod * rod
 
 
 @compiled
@@ -103,26 +109,29 @@ def solve_pose(angles, size, pose):
     angles (3,) [rad]; size: of `arm_angle`; pose: the pose next to which the solution is looked
     for, changed in place. Newton's method. False, and the pose left alone, where there is none.
     """
-    now, last, step = pose.copy(), np.empty(ARMS), np.empty(3)
-    miss, shifted, slope = np.empty(ARMS), np.empty(ARMS), np.empty((ARMS, 3))
+    base, plate, arm, rod = size
+    s_x, s_y, height = pose
+    ends, slope = np.empty((ARMS, 2)), np.empty((ARMS, 3))
+    miss, step = np.empty(ARMS), np.empty(3)
+    for i in range(ARMS):
+        ends[i, 0], ends[i, 1] = base + arm * cos(angles[i]), arm * sin(angles[i])
     for _ in range(NEWTON_STEPS):
-        _misses(angles, now, size, miss)
-        worst = max(abs(miss[0]), abs(miss[1]), abs(miss[2]))
+        worst = 0.0
+        for i in range(ARMS):
+            x, z = joint(i, s_x, s_y, height, plate)
+            x, z = x - ends[i, 0], z - ends[i, 1]
+            miss[i] = x * x + z * z - rod * rod
+            worst = max(worst, abs(miss[i]))
+            outwards, upwards = joint_slopes(i, s_x, s_y, plate)
+            for k in range(3):
+                slope[i, k] = 2.0 * (x * outwards[k] + z * upwards[k])
         if worst < NEWTON_END_M2:
-            pose[:] = now
+            pose[0], pose[1], pose[2] = s_x, s_y, height
             return True
-        last[:] = now
-        for k in range(3):
-            now[k] = last[k] + DIFFERENCE
-            _misses(angles, now, size, shifted)
-            now[k] = last[k]
-            for i in range(ARMS):
-                slope[i, k] = (shifted[i] - miss[i]) / DIFFERENCE
         if solve_3(slope, miss, step) == 0.0:
             return False
-        for k in range(3):
-            now[k] = last[k] - step[k]
-        if not now[0] * now[0] + now[1] * now[1] < 1.0:
+        s_x, s_y, height = s_x - step[0], s_y - step[1], height - step[2]
+        if not s_x * s_x + s_y * s_y < 1.0:
             return False
     return False
 
@@ -144,15 +153,9 @@ def transmission(s_x, s_y, height, size):
         n_x = (out - base - arm * cos(alpha)) / rod
         n_z = (z - arm * sin(alpha)) / rod
         least = min(least, n_z * cos(alpha) - n_x * sin(alpha))
+        outwards, upwards = joint_slopes(i, s_x, s_y, plate)
         for k in range(3):
-            moved_out, moved_z = joint(
-                i,
-                s_x + (DIFFERENCE if k == 0 else 0.0),
-                s_y + (DIFFERENCE if k == 1 else 0.0),
-                height + (DIFFERENCE if k == 2 else 0.0),
-                plate,
-            )
-            slope[i, k] = (n_x * (moved_out - out) + n_z * (moved_z - z)) / DIFFERENCE
+            slope[i, k] = n_x * outwards[k] + n_z * upwards[k]
     det = solve_3(slope, np.zeros(3), np.empty(3))
     return min(least, abs(det) / (1.5 * sqrt(3.0) * plate * plate))
 

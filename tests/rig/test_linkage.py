@@ -40,8 +40,9 @@ def test_level_is_exactly_zero_of_every_servo(linkage: Linkage):
 
 def test_one_arm_that_rises_tilts_the_plate_away_from_it_and_all_three_lift_it():
     columns = np.array(ARMS.tilt_per_servo)
-    azimuths = np.arctan2(-columns[:, 1], -columns[:, 0]) % (2 * np.pi)
-    assert azimuths == pytest.approx([0.0, 2 * np.pi / 3, 4 * np.pi / 3], abs=1e-6)
+    away = -columns / np.linalg.norm(columns, axis=1, keepdims=True)
+    azimuths = np.array([0.0, 2 * np.pi / 3, 4 * np.pi / 3])
+    assert away == pytest.approx(np.column_stack([np.cos(azimuths), np.sin(azimuths)]), abs=1e-6)
     assert columns.sum(axis=0) == pytest.approx([0.0, 0.0], abs=1e-9)
     assert ARMS.table_angles((0.2, 0.2, 0.2)) == pytest.approx((0.0, 0.0), abs=1e-9)
 
