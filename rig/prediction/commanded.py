@@ -74,9 +74,11 @@ def _mean_told(p, a, t, told, begin, h, row):
 @compiled
 def _follow(p, t, told, parts, state, times, angles):
     """Fill times (m,) [s] and angles (m, 2) [rad], m = sum(parts[:-1]) + 1; see `answers`."""
-    wanted, at_x, at_y, row = np.zeros(SERVOS), 0, 0, 0
-    x, y = rounded(p, 0, told[0, 0]), rounded(p, 1, told[0, 1])
-    aim(p, arriving(p, 0, x), arriving(p, 1, y), wanted)
+    wanted, rows, row = np.zeros(SERVOS), np.zeros(2, np.int64), 0
+    goal, aimed = np.empty(2), np.empty(2)
+    for a in range(2):
+        aimed[a] = arriving(p, a, rounded(p, a, told[0, a]))
+    aim(p, aimed[0], aimed[1], wanted)
     for i in range(SERVOS):
         state[ANGLE + i] = wanted[i]
     table_angles(p, state, angles[0])
@@ -85,9 +87,12 @@ def _follow(p, t, told, parts, state, times, angles):
         h = (t[k + 1] - t[k]) / parts[k]
         for i in range(parts[k]):
             begin = t[k] + i * h
-            x, at_x = _mean_told(p, 0, t, told, begin, h, at_x)
-            y, at_y = _mean_told(p, 1, t, told, begin, h, at_y)
-            aim(p, arriving(p, 0, x), arriving(p, 1, y), wanted)
+            for a in range(2):
+                mean, rows[a] = _mean_told(p, a, t, told, begin, h, rows[a])
+                goal[a] = arriving(p, a, mean)
+            if goal[0] != aimed[0] or goal[1] != aimed[1]:
+                aim(p, goal[0], goal[1], wanted)
+                aimed[:] = goal
             move_servos(p, wanted, h, state)
             row += 1
             table_angles(p, state, angles[row])
