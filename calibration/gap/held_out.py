@@ -15,8 +15,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calibration.gap.decision_rule import MIN_WINDOWS, OUTLIER_SHARE
+from calibration.gap.model.cost import losses
 from calibration.gap.model.data import Evidence
-from calibration.gap.model.fit import losses
 from calibration.gap.model.parameters import Model
 from calibration.gap.model.state import State
 from calibration.gap.prove import ahead, model_of, on, split

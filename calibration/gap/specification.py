@@ -46,7 +46,8 @@ from scipy.signal import lfilter
 from scipy.stats import f as f_distribution
 
 from calibration.gap.decision_rule import FAMILY_P, MAX_INCONSTANCY, is_certain
-from calibration.gap.model.fit import ParameterFit, differences, evaluate, huber, weights
+from calibration.gap.model.cost import huber, weights
+from calibration.gap.model.fit import ParameterFit, differences, evaluate
 from calibration.gap.model.flexible import ball_regressors, servo_regressors, with_hats
 from calibration.gap.model.intervals import SANDWICH_BLOCK_S, inverse_prior
 from calibration.gap.model.parameters import BALL, PERIODIC, SERVO, Model

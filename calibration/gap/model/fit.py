@@ -1,21 +1,12 @@
 """Bounded Gauss-Newton with Huber's loss over a few parameters: the one estimator of the workflow.
 
-Cost, over the outputs that depend on the parameters p, with e_i the innovations and s_i the
-standard deviations that the filter expects of them (both depend on p; s does where backlash hides
-the motor from the encoder):
-
-    C(p) = sum_i m_i (rho(e_i/s_i) + log s_i),   rho(z) = z^2/2        for |z| <= h
-                                                          h (|z| - h/2) beyond,  h = HUBER_Z
-
-A parameter p_j that stays inside its tolerance t_j has a prior: what is minimised is
+The cost C (`cost`) is summed over the outputs that depend on the parameters p, as both the
+innovations and the deviations expected of them do (these where backlash hides the motor from the
+encoder). A parameter p_j that stays inside its tolerance t_j has a prior: what is minimised is
 
     C(p) + sum_j 3 (p_j - nominal_j)^2/(2 t_j^2),   of the variance t^2/3 of a uniform prior
 
 (maximum a posteriori), so that parameters of which the logs say little stay nominal.
-
-m_i are the weights of the samples (`Evidence.masks`). For Gaussian innovations C is minus the
-log-likelihood but for a constant (Schweppe, IEEE Trans. Inf. Theory 11, 1965), so a difference of C
-is a log-likelihood ratio; Huber's rho (Ann. Math. Stat. 35, 1964) bounds the influence of outliers.
 Derivatives are secants over `Parameter.step`: backlash and friction have none at zero.
 """
 
@@ -27,10 +18,10 @@ import numpy as np
 from scipy.optimize import lsq_linear
 from scipy.sparse.csgraph import connected_components
 
+from calibration.gap.model.cost import loss, weights
 from calibration.gap.model.data import Evidence, Roll
 from calibration.gap.model.parameters import NominalModel, Parameter
 
-HUBER_Z = 3.0  # 0.27 % of Gaussian samples lie beyond
 ITERATIONS = 40  # at most: a fit that is cut off loses to a worse model that is not; chosen
 CONVERGED_GAIN = 0.05  # a gain in C below this ends the fit
 STALE_SECANT_GAIN = 5.0  # a gain in C since the secants were taken beyond which they are renewed
@@ -43,28 +34,6 @@ RIDGE = 1e-3  # of the normal matrix, in steps^-2: a parameter on which no data 
 # Along a principal axis of the normal matrix, in standard deviations, tried in turn; chosen.
 AXIS_LENGTHS = (9.0, 3.0, 1.0)
 Bounds = Mapping[str, tuple[float, float]]
-
-
-def loss(roll: Roll, mask: np.ndarray) -> float:
-    """Cost C of one output (the module's equation) for the prediction `roll` and the weights `mask`
-    (n,); infinite where all residuals are 0, which no prediction of a measurement gives."""
-    return float(np.sum(losses(roll, mask))) if roll.z.any() else float("inf")
-
-
-def losses(roll: Roll, mask: np.ndarray) -> np.ndarray:
-    """The terms (n,) of `loss`."""
-    return mask * (huber(roll.z) + roll.log_std)
-
-
-def huber(z: np.ndarray) -> np.ndarray:
-    """Huber's loss rho (n,) of residuals (n,) in expected standard deviations."""
-    size = np.abs(z)
-    return np.where(size <= HUBER_Z, 0.5 * size * size, HUBER_Z * (size - 0.5 * HUBER_Z))
-
-
-def weights(z: np.ndarray, mask: np.ndarray) -> np.ndarray:
-    """Huber's weights (n,) times `mask`: 1 for residuals |z| <= HUBER_Z, HUBER_Z/|z| beyond."""
-    return mask * np.minimum(1.0, HUBER_Z / np.maximum(np.abs(z), 1e-300))
 
 
 @dataclass(frozen=True, eq=False)

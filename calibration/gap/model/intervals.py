@@ -18,7 +18,8 @@ from math import hypot, sqrt
 import numpy as np
 
 from calibration.gap.findings import Interval
-from calibration.gap.model.fit import ParameterFit, differences, inverse_variance, weights
+from calibration.gap.model.cost import weights
+from calibration.gap.model.fit import ParameterFit, differences, inverse_variance
 from calibration.gap.model.parameters import COAST_KEY, FALL_KEY, Parameter
 from calibration.gap.model.state import State, outputs_of
 from calibration.statistics import student_quantile

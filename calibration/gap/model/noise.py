@@ -26,8 +26,8 @@ import numpy as np
 from scipy.optimize import minimize
 from scipy.stats import norm
 
+from calibration.gap.model.cost import weights
 from calibration.gap.model.data import HORIZON_S, MIN_WEIGHT, Evidence, Roll, every, gather
-from calibration.gap.model.fit import weights
 from calibration.gap.model.flexible import Regressors, ball_regressors, servo_regressors
 from calibration.gap.model.parameters import BALL, SERVO, Model
 from rig.parameters import GRAVITY_M_S2

@@ -24,7 +24,7 @@ from calibration.gap.decision_rule import (
     MIN_BLOCKS,
     penalised_gain,
 )
-from calibration.gap.model.fit import weights
+from calibration.gap.model.cost import weights
 from calibration.gap.model.intervals import SANDWICH_BLOCK_S
 from calibration.gap.model.parameters import NominalModel
 from calibration.gap.model.state import State

@@ -21,6 +21,7 @@ import numpy as np
 from scipy.signal import correlate, lfilter
 
 from calibration.gap.decision_rule import MIN_FELT, PENALTY_PER_PARAMETER, SEARCH_PENALTY
+from calibration.gap.model.cost import weights
 from calibration.gap.model.data import Evidence
 from calibration.gap.model.fit import (
     ParameterFit,
@@ -28,7 +29,6 @@ from calibration.gap.model.fit import (
     differences,
     evaluate,
     normal_equations,
-    weights,
 )
 from calibration.gap.model.parameters import BALL, SERVO
 from calibration.gap.model.state import State

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from calibration.gap.model import data
+from calibration.gap.model.cost import loss
 from calibration.gap.model.data import DIVERGED_Z, UNTOLD_S, Evidence, Roll
-from calibration.gap.model.fit import loss
 from calibration.gap.model.parameters import NominalModel
 from rig.log import Log
 from rig.rigfile import read_rig

@@ -11,17 +11,15 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize
 
 from calibration.gap.model import noise
+from calibration.gap.model.cost import HUBER_Z, loss, weights
 from calibration.gap.model.data import Roll
 from calibration.gap.model.fit import (
-    HUBER_Z,
     bounded_step,
     differences,
     evaluate,
     fit,
     kept_columns,
-    loss,
     normal_equations,
-    weights,
 )
 from calibration.gap.model.parameters import BALL, SERVO, NominalModel
 from calibration.gap.model.state import State, baseline, refit
