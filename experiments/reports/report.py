@@ -13,6 +13,7 @@ from typing import Any
 
 from jinja2 import Environment, PackageLoader
 
+from experiments.reports.units import unbroken
 from rig.files import put_aside, write_whole
 
 
@@ -105,6 +106,7 @@ def write_page(
     """
     loader = PackageLoader("experiments.reports")
     pages = Environment(loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    pages.filters["unbroken"] = unbroken
     content = {"made": made_words()} | content
     sorts = any(isinstance(b, Table) and b.folded for one in sections for b in one.blocks)
     text = pages.get_template(template).render(

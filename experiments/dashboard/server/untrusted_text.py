@@ -2,11 +2,9 @@
 
 import re
 
+from experiments.reports.units import unbroken
+
 LONGEST = 500  # characters; chosen: some lines of a panel
-# A blank behind a number or an interval and before its unit, of a text that `plain` has made.
-_OF_A_SIZE = re.compile(
-    r"(?<=\d) (?=(?:deg|[cmµ]?m|s|ms|[VN°]|px)\b|&#37;|&#91;)|(?<=&#93;) |(?<=\d&#44;) (?=\d)"
-)
 _PUNCTUATION = re.compile(r"[!-/:-@\[-`{-~]")  # of ASCII: whatever HTML or Markdown may read
 
 
@@ -24,15 +22,21 @@ def plain(text: object) -> str:
     program goes through here. Punctuation becomes numeric character references, which neither HTML
     nor Markdown reads as anything but the character; what is longer than LONGEST is cut off.
     """
-    line = " ".join(as_unicode(text).split())
-    if len(line) > LONGEST:
-        line = line[: LONGEST - 1] + "…"
-    return _PUNCTUATION.sub(lambda found: f"&#{ord(found[0])};", line)
+    return _escaped(_line(text))
 
 
 def measured(text: object) -> str:
     """As `plain`, of numbers with units: no line ends between the two, nor within an interval."""
-    return _OF_A_SIZE.sub("\u00a0", plain(text))
+    return _escaped(unbroken(_line(text)))
+
+
+def _line(text: object) -> str:
+    line = " ".join(as_unicode(text).split())
+    return line if len(line) <= LONGEST else line[: LONGEST - 1] + "…"
+
+
+def _escaped(line: str) -> str:
+    return _PUNCTUATION.sub(lambda found: f"&#{ord(found[0])};", line)
 
 
 def words_of(error: Exception) -> str:
