@@ -178,7 +178,10 @@ def report(
 def track(
     video: Annotated[str, typer.Argument(help="Video file, image folder or stream address.")],
     out: OutOption = Path("out/track"),
-    calibration: Annotated[Path | None, typer.Option(help="Calibration bundle (JSON).")] = None,
+    calibration: Annotated[
+        Path | None,
+        typer.Option(help="calibration.json that `rig calibrate` made: places in metres too."),
+    ] = None,
     ball_colour: Annotated[
         str | None, typer.Option(help="Name or #rrggbb; default: found.")
     ] = None,

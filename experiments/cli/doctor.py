@@ -30,4 +30,4 @@ def doctor(
     if not usable(findings):
         say("this table cannot be used yet: see the lines that begin with bad")
         raise typer.Exit(1)
-    say("nothing is missing")
+    say(f"nothing that {rig or 'the virtual table'} needs is missing")
