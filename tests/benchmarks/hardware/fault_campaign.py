@@ -1,9 +1,11 @@
 """Faults on purpose in the chain of loop, driver, packets and real firmware, all from one seed.
 
-    python tests/benchmarks/hardware/fault_campaign.py --faults 1000 --seed 1 [--board pulses]
+    python tests/benchmarks/hardware/fault_campaign.py --faults 1000 --seed 1 [--levelling]
+        [--board pulses]
 
 Prints a table: per kind of fault its runs, how they ended, and what was unsafe (plate beyond its
 limit, volts or pulses without a fresh command, a recorded row lost). Exit code 1 where any was.
+With --levelling the faults begin in the last 0.05 s of the run or while the table is levelled.
 """
 
 import argparse
@@ -44,6 +46,7 @@ from tests.support.boards.world import PulseWorld, World, WorldLink, pulse_table
 from tests.support.parts import missing
 
 RUN_S = 0.6
+LATER_S = 0.5  # of faults while the table is levelled, for 0.4 s from RUN_S on
 LEVEL_RAD = 0.06  # friction and offset leave 0.026 (0.36 V); at 0 V the arm sinks in its play
 AFTER_S = 0.85  # watchdog, levelling (with servos the way to level, too) and some more
 HOBBY = ROOT / "experiments/rigs/hobby-two-servos.toml"
@@ -119,11 +122,16 @@ class Result:
 
 
 def one(
-    kind: str, seed: int, make: Callable[[], object] | None = None, board: str = "volts"
+    kind: str,
+    seed: int,
+    make: Callable[[], object] | None = None,
+    board: str = "volts",
+    *,
+    later_s: float = 0.0,
 ) -> Result:
     """One run with one fault; the same answer for the same arguments."""
     of, usual = BOARDS[board]
-    fault, subject = draw(kind, seed), of()
+    fault, subject = draw(kind, seed, later_s), of()
     start = fault.rng.uniform(-0.1, 0.1, 2)
     world = subject.world((make or usual)(), seed, (float(start[0]), float(start[1])))
     oracle, rows = subject.judge(world), []
@@ -156,7 +164,9 @@ def _run(subject: Volts, world: World, fault: Fault, keep) -> str:
     n = round(RUN_S * rig.control_rate_hz)
     way = Course(np.zeros((n, 2)), np.zeros((n, 2)))
     table = None
-    subject.home(world).close()
+    homing = subject.home(world)
+    homing.arm()  # which names the homing
+    homing.close()
     try:
         table = subject.table(world, FaultyLink(world, fault))
         with table:
@@ -204,13 +214,18 @@ def _again(subject: Volts, world: World) -> str:
 
 
 def campaign(
-    faults: int, seed: int, progress=lambda result: None, board: str = "volts"
+    faults: int,
+    seed: int,
+    progress=lambda result: None,
+    board: str = "volts",
+    *,
+    later_s: float = 0.0,
 ) -> list[Result]:
     """`faults` runs, the kinds in turn."""
     driver.ANSWER_S = 0.5  # a simulated board needs no boot loader's time
     results = []
     for i in range(faults):
-        results.append(one(KINDS[i % len(KINDS)], seed + i, board=board))
+        results.append(one(KINDS[i % len(KINDS)], seed + i, board=board, later_s=later_s))
         progress(results[-1])
     return results
 
@@ -238,6 +253,7 @@ def main() -> int:
     parser.add_argument("--faults", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--board", choices=BOARDS, default="volts")
+    parser.add_argument("--levelling", action="store_true", help="faults while it is levelled")
     arguments = parser.parse_args()
     if lack := missing(*NEEDED):
         print(lack)
@@ -249,7 +265,8 @@ def main() -> int:
         if result.unsafe:
             print(f"seed {arguments.seed + n}: {result}", flush=True)
 
-    results = campaign(arguments.faults, arguments.seed, progress, arguments.board)
+    later_s = LATER_S if arguments.levelling else 0.0
+    results = campaign(arguments.faults, arguments.seed, progress, arguments.board, later_s=later_s)
     print(table(results))
     rows = sum(r.rows for r in results)
     print(f"{rows} rows recorded and read back; {time.monotonic() - begin:.0f} s")

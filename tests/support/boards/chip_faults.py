@@ -123,9 +123,10 @@ def resampled(data: bytes, ratio: float) -> bytes:
         at = start + 9.5 / ratio
 
 
-def draw(kind: str, seed: int) -> Fault:
+def draw(kind: str, seed: int, later_s: float = 0.0) -> Fault:
+    """A fault that begins 0.05 to 0.5 s after the run does, or as much later as `later_s` says."""
     rng = np.random.default_rng([seed, KINDS.index(kind)])
-    begin = rng.uniform(0.05, 0.5)
+    begin = later_s + rng.uniform(0.05, 0.5)
     low, high = SIZES.get(kind, (1.0, 1.0))
     size = float(np.exp(rng.uniform(np.log(low), np.log(high))))
     if kind == "baud mismatch" and rng.random() < 0.5:
