@@ -22,7 +22,7 @@ from scipy.stats import chi2
 from calibration.gap.decision_rule import CHANCE_ONE_IN
 from calibration.gap.findings import Interval, Named, SizeByLog
 from calibration.gap.model.data import Evidence, gather
-from calibration.gap.model.intervals import deviations
+from calibration.gap.model.intervals import Spread, deviations
 from calibration.gap.model.state import State
 from calibration.gap.prove import on
 from calibration.gap.report.findings_of_decision import parameters
@@ -34,7 +34,7 @@ class _OneRun:
     """The model fitted to one run: the state, and its standard deviations as of `deviations`."""
 
     state: State
-    spread: dict[str, tuple[float, int]]
+    spread: dict[str, Spread]
 
 
 def sizes_by_log(state: State, names: Sequence[Named]) -> tuple[SizeByLog, ...]:

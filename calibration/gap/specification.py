@@ -49,7 +49,7 @@ from calibration.gap.decision_rule import FAMILY_P, MAX_INCONSTANCY, is_certain
 from calibration.gap.model.cost import huber, weights
 from calibration.gap.model.fit import ParameterFit, differences, evaluate
 from calibration.gap.model.flexible import ball_regressors, servo_regressors, with_hats
-from calibration.gap.model.intervals import SANDWICH_BLOCK_S, inverse_prior
+from calibration.gap.model.intervals import BLOCK_S, inverse_prior
 from calibration.gap.model.parameters import BALL, PERIODIC, SERVO, Model
 from calibration.gap.model.state import State
 from calibration.gap.name.stepwise import Accepted
@@ -156,9 +156,9 @@ def _interaction(
 
 
 def _blocks(state: State, output: str) -> np.ndarray:
-    """The number of the block of SANDWICH_BLOCK_S in which each residual (n,) of an output lies."""
+    """The number of the block of BLOCK_S in which each residual (n,) of an output lies."""
     t, run = state.evidence.times(output)
-    places = np.column_stack([run, t // SANDWICH_BLOCK_S])
+    places = np.column_stack([run, t // BLOCK_S])
     return np.unique(places, axis=0, return_inverse=True)[1].ravel()
 
 

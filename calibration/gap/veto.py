@@ -63,7 +63,7 @@ from calibration.gap.harm import (
     unproven,
 )
 from calibration.gap.held_out import held_out
-from calibration.gap.model.intervals import deviations, interval
+from calibration.gap.model.intervals import FIXED, Spread, deviations, interval
 from calibration.gap.model.parameters import PERIODIC
 from calibration.gap.model.state import State, drop_effects, plain
 from calibration.gap.name.decide import Decision, decide, significant, verdict_of
@@ -193,23 +193,23 @@ def _names(accepted: Iterable[Accepted]) -> str:
     return " + ".join(one.name for one in accepted)
 
 
-def _not_a_size(state: State, one: Accepted, spread: Mapping[str, tuple[float, int]]) -> str:
+def _not_a_size(state: State, one: Accepted, spread: Mapping[str, Spread]) -> str:
     """The reason of rule 3 in words; "" if no axis is at the end of its range, and the name stands
     on one of its axes."""
     stands = False
     for axis in one.axes:
-        size, deviation, at_end = _size_of(state, one, axis, spread)
+        size, own, at_end = _size_of(state, one, axis, spread)
         if at_end:
             return "its size is at the end of its range, so it stands for something else"
-        stands |= not size < interval(0.0, deviation).high
+        stands |= not size < interval(0.0, own).high
     return "" if stands else "the interval of its size holds its nominal value, or 0 of a limit"
 
 
 def _size_of(
-    state: State, one: Accepted, axis: str, spread: Mapping[str, tuple[float, int]]
-) -> tuple[float, tuple[float, int], bool]:
-    """Distance of a name's size on an axis from its nominal value, its standard deviation with the
-    number of blocks behind it, and whether it is at the end of its range. Of a limit, whose nominal
+    state: State, one: Accepted, axis: str, spread: Mapping[str, Spread]
+) -> tuple[float, Spread, bool]:
+    """Distance of a name's size on an axis from its nominal value, its spread,
+    and whether it is at the end of its range. Of a limit, whose nominal
     value is infinite, the distance is that from 0: it has to be known as well as that."""
     first, *more = state.nominal.of(one.name, axis)
     free = [first, more[0]] if one.name in PERIODIC else [first]
@@ -217,15 +217,15 @@ def _size_of(
     origins = [k.nominal if np.isfinite(k.nominal) else 0.0 for k in free]
     sizes, value = np.subtract(values, origins), values[0]
     at_end = any(e and abs(value - e) < RANGE_END_STEPS * first.step for e in first.range)
-    deviation = max(spread.get(k.name, (0.0, 2)) for k in free)
-    return float(np.linalg.norm(sizes)), deviation, at_end
+    own = max(spread.get(k.name, FIXED) for k in free)
+    return float(np.linalg.norm(sizes)), own, at_end
 
 
-def _faint(state: State, one: Accepted, spread: Mapping[str, tuple[float, int]]) -> str:
+def _faint(state: State, one: Accepted, spread: Mapping[str, Spread]) -> str:
     """The reason of rule 9 in words; "" if the size on one of the axes is beyond chance."""
     for axis in one.axes:
-        size, deviation, _ = _size_of(state, one, axis, spread)
-        if not size <= student_quantile(max(deviation[1] - 1, 2), FAMILY_P) * deviation[0]:
+        size, own, _ = _size_of(state, one, axis, spread)
+        if not size <= student_quantile(max(own.blocks - 1, 2), FAMILY_P) * own.std:
             return ""
     return "its size is not beyond what so many tests reach by chance"
 

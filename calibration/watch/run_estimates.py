@@ -7,7 +7,7 @@ the model gets wrong for every run of a protocol stays in all estimates alike an
 are compared. This is the local approach to the monitoring of a model (Benveniste, Basseville and
 Moustakides, IEEE Trans. Autom. Control 32, 1987) with the fit carried on to its minimum.
 
-Standard deviations are those of the sandwich covariance (`calibration.gap.model.intervals`),
+Standard deviations are those of the jackknife over seconds (`calibration.gap.model.intervals`),
 without its floors for errors of the model. Not watched, but free within their tolerances, are the
 other effects that have one.
 """
@@ -183,7 +183,7 @@ def _spread(state: State) -> dict[str, float]:
     groups = [outputs] if state.nominal.load_friction else [(output,) for output in outputs]
     found: dict[str, float] = {}
     for group in groups:
-        names, cov, _ = covariance(state, group)
+        names, cov, *_ = covariance(state, group)
         found |= dict(zip(names, np.sqrt(np.maximum(np.diag(cov), 0.0)).tolist(), strict=True))
     count = state.nominal.rig.servo.encoder_step_rad
     for name in _play_names(state.nominal):

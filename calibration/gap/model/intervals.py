@@ -1,19 +1,25 @@
-"""95 % intervals of fitted parameters: the sandwich covariance, clustered by blocks of time.
+"""95 % intervals of fitted parameters: what each stretch of time moves them by when it is left out.
 
-    cov = (A + L)^-1 (B + L) (A + L)^-1,   A = J'WJ,   B = sum_blocks g_b g_b',   g_b = sum_b J'Wz
+    d_b = (A + L - A_b)^-1 g_b,   A_b = sum_b J'WJ,   A = sum_b A_b,   g_b = sum_b J'Wz
+    cov = (n - 1)/n sum_b d_b d_b' + (A + L)^-1 L (A + L)^-1
 
-J (n, k) secants, W Huber's weights, z residuals, blocks of SANDWICH_BLOCK_S within a run (the
-residuals are neither white nor Gaussian: Liang and Zeger, Biometrika 73, 1986). L is diagonal: the
-inverse variances of the priors (`calibration.gap.model.fit`). The standard deviation of parameter
-i is
+J (n, k) secants, W Huber's weights, z residuals, b the n blocks of BLOCK_S within the runs (the
+residuals are neither white nor Gaussian). L is diagonal: the inverse variances of the priors
+(`calibration.gap.model.fit`). This is the jackknife over clusters, or CR3 (Bell and McCaffrey,
+Survey Methodology 28, 2002): unlike the sandwich of the residuals at the fit, it is not too small
+where few blocks tell of a parameter. How many those are is their effective number
 
-    s_i = sqrt(INTERVAL_FACTOR^2 cov_ii + m_i^2)
+    n_i = (sum_b l_b)^2 / sum_b l_b^2,   l_b = [(A + L - A_b)^-1 A_b (A + L - A_b)^-1]_ii,
 
-with m_i a floor for errors of the model that no length of log removes. The interval is
-value -+ t(0.975, blocks - 1) s_i. It is not corrected for the selection of the effect.
+what each adds to the variance where the noise is white (Carter, Schnepel and Steigerwald, Rev.
+Econ. Stat. 99, 2017). The standard deviation of parameter i is s_i = sqrt(cov_ii + m_i^2) with m_i
+a floor for errors of the model that no length of log removes, and the interval
+value -+ t(0.975, n_i - 1) s_i. It is not corrected for the selection of the effect.
 """
 
-from math import hypot, sqrt
+from collections.abc import Sequence
+from math import hypot, inf, sqrt
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,7 +31,7 @@ from calibration.gap.model.state import State, outputs_of
 from calibration.statistics import student_quantile
 from rig.effects import BY_NAME
 
-SANDWICH_BLOCK_S = 1.0  # chosen
+BLOCK_S = 1.0  # chosen
 # Floors m_i, chosen on simulated tables: how friction sets in [V], a tenth of a tick (a lag looks
 # like a delay), what a limit
 # or a sagging supply leaves and, in encoder counts, where gear teeth meet as their shafts wind up.
@@ -33,44 +39,79 @@ MIN_DEVIATION = {
     "extra_V": 0.004, "friction_V": 0.004, "half_width_V": 0.002, "delay_s": 2e-4, "limit_V": 0.006,
     "drop_1_V": 5e-4, "lag_s": 2e-4,
 }  # fmt: skip
-INTERVAL_FACTOR = 1.45  # with it 95 % of intervals held the truth in simulated tuning trials
 MIN_DEVIATION_COUNTS = {"play_rad": 0.5}
 # The least interval of a joint's play in which the plate falls, as shares of the value. Chosen:
 # bounces that cannot be followed make it look small, 0.5 to 1.02 of what it was in simulations.
 FALLING_LOW, FALLING_HIGH = 0.9, 2.2
+RIDGE = 1e-6  # of the normal matrix, in steps^-2: a parameter on which no data depend
 OWN_MIN_DEVIATION = 0.2  # of the tolerance, as that of a dead zone and hardly less than friction's
 # As shares of the nominal value: where within a count a motor starts after a rest is not measured.
 MIN_DEVIATION_SHARE = {"gain_rad_s_V": 0.0012, "time_constant_s": 0.006}
 
 
-def covariance(state: State, outputs: tuple[str, ...]) -> tuple[list[str], np.ndarray, int]:
-    """Names of the k free parameters that move some outputs, their sandwich covariance (k, k) by
-    the module's equation [units of the parameters], and the number of blocks."""
+class Spread(NamedTuple):
+    """The standard deviation s_i of a parameter (the module's equation), the number n of blocks,
+    and the effective number n_i of those that tell of it."""
+
+    std: float
+    blocks: int
+    telling: float
+
+
+UNKNOWN, FIXED = Spread(inf, 2, 2.0), Spread(0.0, 2, 2.0)
+
+
+def covariance(
+    state: State, outputs: tuple[str, ...]
+) -> tuple[list[str], np.ndarray, np.ndarray, int]:
+    """Names of the k free parameters that move some outputs, their covariance (k, k) by the
+    module's equation [units of the parameters], the effective numbers of blocks (k,), and n."""
     bounds = state.bounds(outputs)
     parameters = [state.nominal.parameters[name] for name in bounds]
-    at = ParameterFit(state.fit.setting, {p: state.fit.rolls[p] for p in outputs}, {})
-    columns = differences(state.evidence, state.nominal, at, parameters, bounds)
     scale = np.array([k.step for k in parameters])
-    k = len(parameters)
-    a, b, blocks = np.zeros((k, k)), np.zeros((k, k)), 0
+    a, g = _blocks(state, outputs, parameters, scale)
+    cov, telling = jackknife(a, g, np.array([inverse_prior(state, k) for k in parameters]))
+    return [k.name for k in parameters], cov * np.outer(scale, scale), telling, len(a)
+
+
+def jackknife(a: np.ndarray, g: np.ndarray, prior: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The covariance (k, k) of the module's equation from A_b (n, k, k), g_b (n, k) and the
+    diagonal (k,) of L, infinite for one block, of which none can be left out; and n_i (k,)."""
+    n, k = g.shape
+    if n < 2:
+        return np.diag(np.full(k, np.inf)), np.ones(k)
+    whole = a.sum(axis=0) + np.diag(prior + RIDGE)
+    inverse, left = np.linalg.inv(whole), np.linalg.inv(whole - a)
+    moved = np.einsum("bij,bj->bi", left, g)
+    cov = (n - 1) / n * moved.T @ moved + (inverse * prior) @ inverse
+    share = np.einsum("bij,bji->bi", left @ a, left)
+    return cov, share.sum(axis=0) ** 2 / np.maximum((share * share).sum(axis=0), 1e-300)
+
+
+def _blocks(
+    state: State, outputs: tuple[str, ...], parameters: Sequence[Parameter], scale: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """A_b (n, k, k) and g_b (n, k) of every block of time, over all outputs; `scale` (k,): units of
+    the parameters."""
+    at = ParameterFit(state.fit.setting, {p: state.fit.rolls[p] for p in outputs}, {})
+    columns = differences(state.evidence, state.nominal, at, parameters, state.bounds(outputs))
+    times = [state.evidence.times(output) for output in outputs]
+    labels = np.concatenate([np.column_stack([run, t // BLOCK_S]) for t, run in times])
+    of_row = np.unique(labels, axis=0, return_inverse=True)[1].ravel()
+    n, k = of_row.max() + 1, len(parameters)
+    a, g, begin = np.zeros((n, k, k)), np.zeros((n, k)), 0
     for output in outputs:
         z = state.fit.z(output)
         w = weights(z, state.evidence.masks[output])
         j = columns[output] * scale
-        a += (j * w[:, None]).T @ j
-        g = j * (w * z)[:, None]
-        t, run = state.evidence.times(output)
-        block = np.unique(
-            np.column_stack([run, t // SANDWICH_BLOCK_S]), axis=0, return_inverse=True
-        )[1]
-        sums = np.zeros((block.max() + 1, k))
-        np.add.at(sums, block.ravel(), g)
-        b += sums.T @ sums
-        blocks = max(blocks, len(sums))
-    prior = np.array([inverse_prior(state, k) for k in parameters])
-    inverse = np.linalg.inv(a + np.diag(prior + 1e-6))
-    cov = inverse @ (b + np.diag(prior)) @ inverse
-    return [k.name for k in parameters], cov * np.outer(scale, scale), blocks
+        of_output = of_row[begin : begin + len(z)]
+        begin += len(z)
+        for block in np.unique(of_output):
+            own = of_output == block
+            weighted = j[own] * w[own, None]
+            a[block] += weighted.T @ j[own]
+            g[block] += weighted.T @ z[own]
+    return a, g
 
 
 def inverse_prior(state: State, parameter: Parameter) -> float:
@@ -80,23 +121,20 @@ def inverse_prior(state: State, parameter: Parameter) -> float:
     return inverse_variance(parameter, parameter.box) * parameter.step**2
 
 
-def deviations(state: State) -> dict[str, tuple[float, int]]:
-    """Standard deviation s_i (the module's equation) of every free parameter, and the number of
-    blocks behind it: parameter name -> (std, blocks)."""
-    found: dict[str, tuple[float, int]] = {}
+def deviations(state: State) -> dict[str, Spread]:
+    """The `Spread` of every free parameter, by its name."""
+    found: dict[str, Spread] = {}
     groups = (
         [tuple(state.evidence.outputs)]
         if _coupled(state)
         else [(p,) for p in state.evidence.outputs]
     )
     for outputs in groups:
-        names, cov, blocks = covariance(state, outputs)
-        for name, variance in zip(names, np.diag(cov), strict=True):
+        names, cov, telling, blocks = covariance(state, outputs)
+        for name, variance, number in zip(names, np.diag(cov), telling, strict=True):
             least = _min_deviation(state, state.nominal.parameters[name])
-            found[name] = (
-                float(np.sqrt(INTERVAL_FACTOR**2 * max(variance, 0.0) + least**2)),
-                blocks,
-            )
+            std = float(np.sqrt(max(variance, 0.0) + least**2))
+            found[name] = Spread(std, blocks, float(number))
     return found
 
 
@@ -139,19 +177,17 @@ def _coupled(state: State) -> bool:
     )
 
 
-def interval(value: float, deviation: tuple[float, int]) -> Interval:
-    """95 % interval value -+ t(0.975, blocks - 1) std, for `deviation` = (std, blocks); under 3
-    blocks count as 3."""
-    std, blocks = deviation
-    reach = student_quantile(max(blocks - 1, 2)) * std
+def interval(value: float, spread: Spread) -> Interval:
+    """95 % interval of a value by the module's equation; under 3 telling blocks count as 3."""
+    reach = student_quantile(max(spread.telling - 1.0, 2.0)) * spread.std
     return Interval(value, value - reach, value + reach)
 
 
-def interval_of(state: State, parameter: Parameter, deviation: tuple[float, int]) -> Interval:
+def interval_of(state: State, parameter: Parameter, spread: Spread) -> Interval:
     """`interval` of a parameter of the state, and no narrower than FALLING_LOW and FALLING_HIGH
     say where it is the play of a joint in which the plate falls."""
     value = state.fit.setting[parameter.name]
-    one = interval(value, deviation)
+    one = interval(value, spread)
     if parameter.key == "play_rad" and state.fit.setting.get(parameter.beside(FALL_KEY)):
         low, high = min(one.low, FALLING_LOW * value), max(one.high, FALLING_HIGH * value)
         return Interval(value, low, high)

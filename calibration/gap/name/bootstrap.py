@@ -25,7 +25,7 @@ from calibration.gap.decision_rule import (
     penalised_gain,
 )
 from calibration.gap.model.cost import weights
-from calibration.gap.model.intervals import SANDWICH_BLOCK_S
+from calibration.gap.model.intervals import BLOCK_S
 from calibration.gap.model.parameters import NominalModel
 from calibration.gap.model.state import State
 from calibration.gap.name.screen import Candidates, candidates
@@ -76,7 +76,7 @@ def _equations(state: State, output: str, tried: Candidates) -> tuple[np.ndarray
     j = tried.columns
     t, run = state.evidence.times(output)
     seconds = sum(float(np.ptp(t[run == r])) for r in np.unique(run))
-    block_s = min(SANDWICH_BLOCK_S, seconds / MIN_BLOCKS)
+    block_s = min(BLOCK_S, seconds / MIN_BLOCKS)
     number = run * 2**32 + np.floor(t / block_s).astype(np.int64)
     starts = np.flatnonzero(np.diff(number, prepend=-1))
     sums = np.add.reduceat(j * (w * z)[:, None], starts, axis=0)

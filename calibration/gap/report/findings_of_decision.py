@@ -6,7 +6,7 @@ from dataclasses import replace
 from math import atan2, cos, hypot, inf, sin
 
 from calibration.gap.findings import Interval, Named, RankedEffect, Untestable
-from calibration.gap.model.intervals import interval, interval_of
+from calibration.gap.model.intervals import FIXED, UNKNOWN, Spread, interval, interval_of
 from calibration.gap.model.parameters import (
     BALL,
     CALIBRATED,
@@ -44,7 +44,7 @@ def twins_of(name: str, rig: Rig) -> tuple[str, ...]:
 
 
 def parameters(
-    state: State, name: str, axes: tuple[str, ...], spread: Mapping[str, tuple[float, int]]
+    state: State, name: str, axes: tuple[str, ...], spread: Mapping[str, Spread]
 ) -> Parameters:
     """The fitted parameters of a named effect: axis -> catalogue key -> 95 % interval. `spread`:
     parameter name -> (standard deviation, blocks), as from `deviations`; infinite where it has no
@@ -52,7 +52,7 @@ def parameters(
     found: Parameters = {}
     for axis in axes:
         by_key = {
-            parameter.key: interval_of(state, parameter, spread.get(parameter.name, (inf, 2)))
+            parameter.key: interval_of(state, parameter, spread.get(parameter.name, UNKNOWN))
             for parameter in state.nominal.of(name, axis)
             if parameter.name in state.fit.setting
         }
@@ -77,7 +77,7 @@ def _catalogue_keys(name: str, by_key: dict[str, Interval]) -> dict[str, Interva
 
 
 def one_dead_zone(
-    found: tuple[Named, ...], state: State, spread: Mapping[str, tuple[float, int]]
+    found: tuple[Named, ...], state: State, spread: Mapping[str, Spread]
 ) -> tuple[Named, ...]:
     """Join a dead zone of half width w and a voltage offset |o| < w to one dead zone with the sides
     w - o and w + o, among the named effects `found`.
@@ -101,7 +101,7 @@ def one_dead_zone(
             continue
         if abs(o) >= w.value + tolerance:
             return found
-        one = interval(o, spread.get(parameter.name, (0.0, 2)))
+        one = interval(o, spread.get(parameter.name, FIXED))
         reach = hypot(w.high - w.value, one.high - o, 0.95 * tolerance)
         sides[axis] = {
             key: Interval(size, size - reach, size + reach)
@@ -128,7 +128,7 @@ def effects_of(state: State, name: str) -> dict[str, dict[str, dict[str, float]]
     }
 
 
-def named(decision: Decision, accepted: Accepted, spread: Mapping[str, tuple[float, int]]) -> Named:
+def named(decision: Decision, accepted: Accepted, spread: Mapping[str, Spread]) -> Named:
     """An accepted effect as the findings have it, on the axes where it exceeds the decision rule's
     minimum (all its axes if none does). `spread`: as in `parameters`."""
     nominal, setting = decision.state.nominal, decision.state.fit.setting
@@ -157,7 +157,7 @@ def ranking(decision: Decision) -> tuple[RankedEffect, ...]:
     return tuple(sorted(found.values(), key=lambda c: -c.score))
 
 
-def calibrated(state: State, spread: Mapping[str, tuple[float, int]]) -> dict[str, Interval]:
+def calibrated(state: State, spread: Mapping[str, Spread]) -> dict[str, Interval]:
     """The fitted K [rad/s/V] and tau [s] of each axis that has a servo channel, with 95 %
     intervals, by the labels "gain_x_rad_s_V", "time_constant_x_s" and likewise for y. `spread`: as
     in `parameters`."""
@@ -169,7 +169,7 @@ def calibrated(state: State, spread: Mapping[str, tuple[float, int]]) -> dict[st
                 label = key.replace("gain_", f"gain_{axis}_").replace(
                     "constant_", f"constant_{axis}_"
                 )
-                found[label] = interval(state.fit.setting[name], spread.get(name, (inf, 2)))
+                found[label] = interval(state.fit.setting[name], spread.get(name, UNKNOWN))
     return found
 
 

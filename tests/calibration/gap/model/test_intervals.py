@@ -9,7 +9,7 @@ import pytest
 from calibration.gap.findings import Interval
 from calibration.gap.investigation import investigate
 from calibration.gap.model.fit import evaluate
-from calibration.gap.model.intervals import deviations, interval
+from calibration.gap.model.intervals import Spread, deviations, interval
 from calibration.gap.model.state import State, refit, settle
 from calibration.gap.report import findings_of_decision
 from tests.support.gap.tables import (
@@ -103,11 +103,11 @@ def test_forty_intervals_hold_their_truth_about_as_often_as_they_say(case: str):
 
 
 def test_the_width_of_students_t():
-    one = interval(2.0, (0.5, 13))
+    one = interval(2.0, Spread(0.5, 30, 13.0))
     assert (one.low, one.value, one.high) == pytest.approx(
         (2 - 1.08941, 2.0, 2 + 1.08941), abs=1e-4
     )
-    wide = interval(2.0, (0.5, 3))
+    wide = interval(2.0, Spread(0.5, 30, 3.0))
     assert wide.high - wide.low > 2 * (one.high - one.low) * 0.95
 
 
@@ -118,9 +118,9 @@ def test_deviations_are_known_for_every_free_parameter_and_are_finite(seconds: f
     state = refit(state, state.bounds(state.evidence.outputs))
     spread = deviations(state)
     assert set(spread) == set(state.bounds(state.evidence.outputs))
-    blocks = {n for _, n in spread.values()}
-    assert max(blocks) == pytest.approx(seconds, abs=1)
-    assert all(0 < std < 1 for std, _ in spread.values())
+    assert max(one.blocks for one in spread.values()) == pytest.approx(seconds, abs=1)
+    assert all(0 < one.std < 1 for one in spread.values())
+    assert all(0.99 < one.telling <= one.blocks for one in spread.values())
 
 
 @pytest.mark.slow
@@ -130,7 +130,7 @@ def test_four_times_the_data_make_a_clearly_smaller_interval():
         log = without_columns(foreign("steps", seed=4, duration_s=seconds), "ball", "target")
         state = released(evidence_of(log))
         state = settle(refit(state, state.bounds(state.evidence.outputs)), state.evidence.outputs)
-        reach.append(deviations(state)[".gain_rad_s_V.x"][0])
+        reach.append(deviations(state)[".gain_rad_s_V.x"].std)
     assert 0.3 * reach[0] < reach[1] < 0.85 * reach[0]  # half, but for what the boxes leave open
 
 
