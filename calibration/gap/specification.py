@@ -49,7 +49,13 @@ from calibration.gap.decision_rule import FAMILY_P, MAX_INCONSTANCY, is_certain
 from calibration.gap.model.cost import huber, weights
 from calibration.gap.model.fit import ParameterFit, differences, evaluate
 from calibration.gap.model.flexible import ball_regressors, servo_regressors, with_hats
-from calibration.gap.model.intervals import BLOCK_S, inverse_prior
+from calibration.gap.model.intervals import (
+    BLOCK_S,
+    RIDGE,
+    block_sums,
+    inverse_prior,
+    jackknife,
+)
 from calibration.gap.model.parameters import BALL, PERIODIC, SERVO, Model
 from calibration.gap.model.state import State
 from calibration.gap.name.stepwise import Accepted
@@ -139,19 +145,12 @@ def _interaction(
     z = state.fit.z(output)
     w = weights(z, evidence.masks[output])
     prior = np.append([inverse_prior(state, k) for k in parameters], np.zeros(len(own)))
-    block, m = _blocks(state, output), len(prior)
-    k, n = len(own), int(block.max()) + 1
-    a, b = np.zeros((n, m, m)), np.zeros((n, m))
-    np.add.at(a, block, (j * w[:, None])[:, :, None] * j[:, None, :])
-    np.add.at(b, block, j * (w * z)[:, None])
-    inverse = np.linalg.inv(a.sum(axis=0) + np.diag(prior + 1e-6))
-    d = -inverse @ b.sum(axis=0)
-    without = -np.linalg.solve(np.linalg.inv(inverse) - a, (b.sum(axis=0) - b)[:, :, None])
-    spread = without[:, -k:, 0] - d[-k:]
-    cov = (n - 1) / n * spread.T @ spread
-    wald = d[-k:] @ np.linalg.pinv(cov) @ d[-k:] / k
-    told = np.einsum("ki,bij,kj->b", inverse[-k:], a, inverse[-k:])  # by each block
-    blocks = told.sum() ** 2 / max(float(told @ told), 1e-300)
+    block, k = _blocks(state, output), len(own)
+    a, g = block_sums(j, w, z, block, int(block.max()) + 1)
+    d = -np.linalg.solve(a.sum(axis=0) + np.diag(prior + RIDGE), g.sum(axis=0))
+    cov, telling = jackknife(a, g + a @ d, prior)
+    wald = d[-k:] @ np.linalg.pinv(cov[-k:, -k:]) @ d[-k:] / k
+    blocks = float(telling[-k:].min())
     return d[-k:] * scale[places], float(f_distribution.sf(wald, k, max(blocks - 1.0, 2.0)))
 
 

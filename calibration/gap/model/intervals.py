@@ -98,19 +98,27 @@ def _blocks(
     times = [state.evidence.times(output) for output in outputs]
     labels = np.concatenate([np.column_stack([run, t // BLOCK_S]) for t, run in times])
     of_row = np.unique(labels, axis=0, return_inverse=True)[1].ravel()
-    n, k = of_row.max() + 1, len(parameters)
-    a, g, begin = np.zeros((n, k, k)), np.zeros((n, k)), 0
+    a, g, begin = 0.0, 0.0, 0
     for output in outputs:
-        z = state.fit.z(output)
-        w = weights(z, state.evidence.masks[output])
-        j = columns[output] * scale
-        of_output = of_row[begin : begin + len(z)]
+        z, mask = state.fit.z(output), state.evidence.masks[output]
+        own = of_row[begin : begin + len(z)], int(of_row.max()) + 1
         begin += len(z)
-        for block in np.unique(of_output):
-            own = of_output == block
-            weighted = j[own] * w[own, None]
-            a[block] += weighted.T @ j[own]
-            g[block] += weighted.T @ z[own]
+        of_output = block_sums(columns[output] * scale, weights(z, mask), z, *own)
+        a, g = a + of_output[0], g + of_output[1]
+    return np.asarray(a), np.asarray(g)
+
+
+def block_sums(
+    j: np.ndarray, w: np.ndarray, z: np.ndarray, block: np.ndarray, n: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """A_b (n, k, k) and g_b (n, k) of J (m, k), weights and residuals (m,), and each row's block
+    (m,)."""
+    k = j.shape[1]
+    a, g = np.zeros((n, k, k)), np.zeros((n, k))
+    for b in np.unique(block):
+        own = block == b
+        weighted = j[own] * w[own, None]
+        a[b], g[b] = weighted.T @ j[own], weighted.T @ z[own]
     return a, g
 
 
