@@ -23,10 +23,11 @@ with cov by leaving out one second after the other (jackknife: MacKinnon and Whi
 29, 1985), and as many of them as tell delta (Carter, Schnepel and Steigerwald, Rev. Econ. Stat. 99,
 2017): a few seconds hold most of what is fast or far. A size is no constant where F is beyond its
 quantile and |delta| > MAX_INCONSTANCY |size|. (Cut in two at the median instead, a spring that is
-spent at large angles is the scale of an angle: most of the motion is small.) A size that is a rate
-in time (TRENDS) cannot be shown to be one in a single run: whatever changes slowly, 1/f noise or a
-slipping encoder, has a trend over one run (spurious regression: Granger and Newbold, J.
-Econometrics 2, 1974).
+spent at large angles is the scale of an angle: most of the motion is small.) A constant (OFFSETS)
+cannot be told from the mean of what depends on the place, where such a term is left: a dent has a
+mean slope where the ball was. A size that is a rate in time (TRENDS) cannot be shown to be one in a
+single run: whatever changes slowly, 1/f noise or a slipping encoder, has a trend over one run
+(spurious regression: Granger and Newbold, J. Econometrics 2, 1974).
 
 **Order in time.** A cause does not come after what it causes (Sims, Am. Econ. Rev. 62, 1972). In
 closed loop a gust is answered by the controller, and a function of the angles of this answer looks
@@ -39,7 +40,7 @@ is below 0 for the right name. It is not in time where D > SURE_Z of its standar
 for a tau of LEADS_S. A name that is a delay itself is not asked.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 
 import numpy as np
 from scipy.signal import lfilter
@@ -60,9 +61,11 @@ from calibration.gap.model.parameters import BALL, PERIODIC, SERVO, Model
 from calibration.gap.model.state import State
 from calibration.gap.name.stepwise import Accepted
 from calibration.gap.prove import model_of
+from calibration.gap.unnamed.basis import UnnamedTerm
 from rig.prediction.innovations import Signals
 
 TRENDS = ("level_drift",)  # effects whose size is a rate in time
+OFFSETS = ("level_offset", "voltage_offset")  # and a constant
 LEADS_S = (0.1, 0.2, 0.4)  # from a controller's first answer to most of it; chosen
 FULL = 0.99  # of the motion: beyond are its outliers; chosen
 FOLD_S = 1.0  # of folds in turn: longer than a filter remembers, shorter than a hat; chosen
@@ -108,6 +111,14 @@ def trend_of_one_run(state: State, one: Accepted) -> str:
     such size."""
     if one.name in TRENDS and len(state.evidence.runs) < 2:
         return "whatever changes slowly has a trend over one run: record another"
+    return ""
+
+
+def mean_of_a_map(one: Accepted, outputs: Collection[str], left: UnnamedTerm | None) -> str:
+    """Why a constant on these outputs cannot be certain beside what is left without a name, in
+    words; "" if it can."""
+    if one.name in OFFSETS and left is not None and left.kind == "map" and left.output in outputs:
+        return "what is left depends on the place, and its mean looks like this"
     return ""
 
 

@@ -25,7 +25,8 @@ what a name gains 1 s ahead (`calibration.gap.held_out`), C the cost one sample 
 9. The size of a name is certain where it differs from its nominal value by more than chance in
    FAMILY_P of the tests, by the clustered deviation of its interval. If not, its probability is at
    most DOUBTED_PROBABILITY: the likelihood counts residuals that hang together as if they did not.
-   So has a drift that a single run tells: whatever changes slowly has a trend over one run.
+   So has a drift that a single run tells: whatever changes slowly has a trend over one run; and a
+   constant beside a term without a name that depends on the place, which has a mean.
 
 Where none of the names is certain, the verdict is "undecided".
 
@@ -72,6 +73,7 @@ from calibration.gap.name.stepwise import Accepted
 from calibration.gap.specification import (
     completeness,
     inconstancy,
+    mean_of_a_map,
     predictable,
     trend_of_one_run,
     untimely,
@@ -172,6 +174,7 @@ def judge(decision: Decision) -> tuple[Decision, list[str], tuple[str, ...]]:
     reasons += doubts
     for i, one in enumerate(kept):
         weak = unproven(one, before, after, known) or _faint(alone, one, spread)
+        weak = weak or mean_of_a_map(one, outputs_of_name(one, known), decision.unnamed)
         if reason := weak or trend_of_one_run(state, one):
             kept[i] = replace(one, explained=min(one.explained, DOUBTED_PROBABILITY))
             reasons.append(f"not certain: {one.name}: {reason}")

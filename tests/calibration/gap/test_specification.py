@@ -16,9 +16,12 @@ from calibration.gap.specification import (
     _advanced,
     completeness,
     inconstancy,
+    mean_of_a_map,
     trend_of_one_run,
     untimely,
 )
+from calibration.gap.unnamed.basis import UnnamedTerm
+from rig.discrepancy import Discrepancy
 from rig.log import Log
 from tests.support.gap.tables import RIG, evidence_of, foreign, released
 from tests.support.worlds import WORLDS
@@ -160,6 +163,25 @@ def test_a_trend_is_certain_only_where_another_run_has_it(runs: int, words: str)
     found = trend_of_one_run(decision.state, drift)
     assert words in found
     assert bool(words) == bool(found)
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "output", "doubted"),
+    [
+        ("level_offset", "map", BALL, True),
+        ("level_offset", "rhythm", BALL, False),
+        ("level_offset", "map", "servo_x", False),
+        ("rolling_resistance", "map", BALL, False),
+    ],
+)
+def test_a_constant_is_not_certain_beside_what_depends_on_the_place(
+    name: str, kind: str, output: str, doubted: bool
+):
+    state = released(evidence_of(foreign("steps", seed=6, duration_s=5.0)))
+    left = UnnamedTerm(output, kind, 100.0, Discrepancy(), state)
+    found = mean_of_a_map(Accepted(name, ("x",), 100.0, ()), (BALL,), left)
+    assert bool(found) == doubted
+    assert not mean_of_a_map(Accepted(name, ("x",), 100.0, ()), (BALL,), None)
 
 
 @pytest.mark.slow
