@@ -4,6 +4,8 @@ Steps of 0.2 ms of first order: a tenth of a millisecond of the servo's way, and
 looks at forces. Its own dry friction is 0.012 V.
 """
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -11,7 +13,12 @@ from experiments.benchmark.engines.foreign import table as foreign_table
 from experiments.benchmark.engines.foreign.parts import Pilot
 from experiments.benchmark.engines.foreign.plant import G
 from experiments.benchmark.engines.foreign.table import completed
-from experiments.benchmark.engines.foreign.truth import plant_and_eye
+from experiments.benchmark.engines.foreign.truth import (
+    EYE_KEYS,
+    PLANT_KEYS,
+    axes_of,
+    plant_and_eye,
+)
 from experiments.benchmark.engines.mujoco_engine import logs as mujoco_logs
 from experiments.benchmark.engines.mujoco_engine.hidden import (
     ARM_FRICTION_NM,
@@ -63,6 +70,61 @@ def test_stribeck_holds_at_rest_and_is_gone_at_speed():
     assert log["theta_y_rad"][-1] > 0.1
     fast = still(effects, way=(1, 1), pilot=bang(1.0), seconds=0.4)
     assert fast["motor_speed_x_rad_s"][-1] == pytest.approx(1.53 * (1 - OWN_FRICTION_V), rel=3e-3)
+
+
+def test_viscous_friction_that_differs_by_direction_gives_two_gains():
+    effects = {"viscous_asymmetry": {"x": {"fraction_1": 0.2}, "y": {"fraction_1": -0.1}}}
+    for way in (1, -1):
+        log = still(effects, way=(way, way), pilot=bang(0.8), seconds=0.4)
+        for axis, fraction in (("x", 0.2), ("y", -0.1)):
+            expected = way * 1.53 * (0.8 - OWN_FRICTION_V) / (1 + way * fraction)
+            assert log[f"motor_speed_{axis}_rad_s"][-1] == pytest.approx(expected, rel=3e-3)
+
+
+REAL = {
+    "coulomb_friction": {"friction_V": 0.15}, "dead_zone": {"positive_V": 0.15, "negative_V": 0.1},
+    "stribeck_friction": {"extra_V": 0.3, "speed_rad_s": 0.5}, "gain_asymmetry": {"fraction": 0.1},
+    "viscous_asymmetry": {"fraction_1": 0.2}, "voltage_offset": {"offset_V": 0.15},
+    "saturation": {"limit_V": 0.5}, "input_delay": {"delay_s": 0.02},
+    "cogging": {"amplitude_V": 0.2, "phase_rad": 0.3, "periods_per_turn": 24.0},
+    "gain_drift": {"rate_1_s": 0.3}, "supply_sag": {"drop_1_V": 0.1},
+    "gear_backlash": {"play_rad": 0.03}, "joint_backlash": {"play_rad": 0.03},
+    "transmission_ripple": {"amplitude_rad": 0.03, "phase_rad": 0.5, "periods_per_turn": 10.0},
+    "linkage_quadratic": {"coefficient_1_rad": 0.5}, "linkage_cubic": {"coefficient_1_rad2": 2.0},
+    "cross_coupling": {"fraction": 0.2}, "level_offset": {"slope_rad": 0.01},
+    "level_drift": {"rate_rad_s": 0.02}, "plate_bowl": {"stiffness_1_s2": 2.0},
+    "rolling_resistance": {"deceleration_m_s2": 0.05}, "viscous_drag": {"rate_1_s": 0.5},
+    "camera_delay": {"extra_s": 0.05}, "camera_scale": {"fraction": 0.1},
+    "camera_yaw": {"angle_rad": 0.1}, "lens_distortion": {"k1_1_m2": 5.0},
+}  # fmt: skip
+
+
+@cache
+def moved(effect: str, engine: str) -> dict[str, np.ndarray]:
+    """Both servos to and fro under a rolling ball, with one effect of a real size."""
+    turns = np.sign(np.sin(2 * np.pi * np.arange(500) / np.array([[220], [150]]) + 0.3)).T
+    run = still if engine == "mujoco" else quiet
+    effects = {effect: dict.fromkeys(axes_of(effect), REAL[effect])} if effect else {}
+    return run(effects, way=turns, pilot=bang(0.9), ball=(0.02, -0.03, 0.05, 0.08, 0.0))
+
+
+def change(effect: str, engine: str) -> np.ndarray:
+    """By how much an effect moves the servos [rad] and the ball [m], RMS (4,)."""
+    bare, log = moved("", engine), moved(effect, engine)
+    found = [(log[f"theta_{a}_rad"], bare[f"theta_{a}_rad"]) for a in "xy"]
+    found += zip(seen(log)[1].T, seen(bare)[1].T, strict=True)
+    ends = [min(len(one), len(other)) for one, other in found]
+    return np.array(
+        [np.hypot.reduce(a[:n] - b[:n]) / n**0.5 for n, (a, b) in zip(ends, found, strict=True)]
+    )
+
+
+@pytest.mark.parametrize("effect", [*PLANT_KEYS, *EYE_KEYS])
+def test_every_effect_acts_about_as_much_as_on_the_foreign_table(effect: str):
+    mine, other = change(effect, "mujoco"), change(effect, "foreign")
+    acts = other > (0.005, 0.005, 4e-4, 4e-4)
+    assert acts.any()
+    np.testing.assert_allclose(mine[acts] / other[acts], 1.0, atol=0.6)
 
 
 def test_level_bowl_and_drag_move_the_ball_as_the_catalogue_says():

@@ -101,6 +101,8 @@ class HiddenTable:
         self._cams = [int(self._model.equality(f"cam_{n}").id) for n in "xy"]
         self._motors = [int(self._model.joint(f"motor_{n}").dofadr[0]) for n in "xy"]
         self._dry = self._model.dof_frictionloss[self._motors].copy()
+        self._drives = [int(self._model.actuator(f"volts_{n}").id) for n in "xy"]
+        self._viscous = self._model.actuator_biasprm[self._drives, 2].copy()
         self._per_volt = x.servo.torque_per_volt_nm
         self._step_s = step_s
         self._slope(0.0)
@@ -132,6 +134,13 @@ class HiddenTable:
         extra = p.stribeck * np.exp(-((speed / p.stribeck_speed) ** 2))
         self._model.dof_frictionloss[self._motors] = self._dry + self._per_volt * extra
 
+    def _lean(self) -> None:
+        """Viscous friction of the motors that differs by direction."""
+        way = np.sign(self._data.qvel[self._motors])
+        self._model.actuator_biasprm[self._drives, 2] = self._viscous * (
+            1.0 + way * self._plant.lopsided
+        )
+
     def volts(self, commands: np.ndarray, dt: float, t: float, h: float) -> np.ndarray:
         """What is left of the commands (2, n) at the motors (2,) over [t, t + h]."""
         p, (plant, odd) = self._plant, self._records
@@ -151,6 +160,8 @@ class HiddenTable:
             self._bend()
         if p.stribeck.any():
             self._rub()
+        if p.lopsided.any():
+            self._lean()
         d.ctrl[:] = volts
         if self._ball:
             (x, y), (vx, vy) = now.xy_m, now.velocity_m_s
