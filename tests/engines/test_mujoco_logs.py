@@ -109,14 +109,15 @@ def moved(effect: str, engine: str) -> dict[str, np.ndarray]:
 
 
 def change(effect: str, engine: str) -> np.ndarray:
-    """By how much an effect moves the servos [rad] and the ball [m], RMS (4,)."""
+    """By how much an effect moves the servos [rad], and the ball [m] at the times that are claimed
+    for it, RMS (4,)."""
     bare, log = moved("", engine), moved(effect, engine)
-    found = [(log[f"theta_{a}_rad"], bare[f"theta_{a}_rad"]) for a in "xy"]
-    found += zip(seen(log)[1].T, seen(bare)[1].T, strict=True)
-    ends = [min(len(one), len(other)) for one, other in found]
-    return np.array(
-        [np.hypot.reduce(a[:n] - b[:n]) / n**0.5 for n, (a, b) in zip(ends, found, strict=True)]
-    )
+    n = min(len(bare["t_s"]), len(log["t_s"]))
+    servo = [log[f"theta_{a}_rad"][:n] - bare[f"theta_{a}_rad"][:n] for a in "xy"]
+    (t, xy), (t_bare, xy_bare) = seen(log), seen(bare)
+    both = t_bare < t[-1]
+    ball = [np.interp(t_bare, t, xy[:, a])[both] - xy_bare[both, a] for a in range(2)]
+    return np.array([np.sqrt(np.mean(np.square(one))) for one in (*servo, *ball)])
 
 
 @pytest.mark.parametrize("effect", [*PLANT_KEYS, *EYE_KEYS])
