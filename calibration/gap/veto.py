@@ -25,7 +25,8 @@ what a name gains 1 s ahead (`calibration.gap.held_out`), C the cost one sample 
 9. The size of a name is certain where it differs from its nominal value by more than chance in
    FAMILY_P of the tests, by the clustered deviation of its interval. If not, its probability is at
    most DOUBTED_PROBABILITY: the likelihood counts residuals that hang together as if they did not.
-   So has a drift that a single run tells and does not show to be even; and a constant beside a term without a name that depends on the place, which has a mean.
+   So has a drift that a single run tells and does not show to be even; and a constant beside a term
+   without a name that depends on the place, which has a mean.
 
 Where none of the names is certain, the verdict is "undecided".
 
