@@ -75,15 +75,8 @@ SHOWN = {
 }
 
 
-QUANTISED = pytest.mark.xfail(
-    strict=True,
-    reason="an arm that chatters over one encoder count looks like Stribeck friction, which is "
-    "named beside the cable",
-)
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("world", ["pendulum", pytest.param("cable", marks=QUANTISED)])
+@pytest.mark.parametrize("world", SHOWN)
 def test_what_was_unknown_is_named_with_its_size(world: str, tmp_path: Path):
     name, truth = SHOWN[world]
     found = asked(world, 3000, OWN)
