@@ -12,6 +12,7 @@ from calibration.gap.findings import Findings
 from calibration.gap.harm import _proven
 from calibration.gap.held_out import Prediction, gained
 from calibration.gap.investigation import investigate
+from calibration.gap.model.intervals import Spread
 from calibration.gap.model.parameters import NominalModel
 from calibration.gap.model.state import State
 from calibration.gap.name.decide import Decision, decide
@@ -145,7 +146,7 @@ def test_a_size_counts_beyond_its_interval_and_is_certain_beyond_chance(
     deviation_V: float, no_size: bool, faint: bool
 ):
     one = Accepted("coulomb_friction", ("x",), 50.0, ())
-    spread = {"coulomb_friction.friction_V.x": (deviation_V, 40)}
+    spread = {"coulomb_friction.friction_V.x": Spread(deviation_V, 40, 40.0)}
     assert bool(_not_a_size(with_friction(), one, spread)) == no_size
     assert bool(_faint(with_friction(), one, spread)) == faint
 
@@ -154,7 +155,7 @@ def test_a_limit_that_is_no_longer_infinite_is_a_size():
     state, one = with_friction(), Accepted("saturation", ("x",), 50.0, ())
     cut = state.fit.setting | {"saturation.limit_V.x": 2.0}
     state = replace(state, fit=replace(state.fit, setting=cut))
-    spread = {"saturation.limit_V.x": (float("nan"), 40)}
+    spread = {"saturation.limit_V.x": Spread(float("nan"), 40, 40.0)}
     assert _not_a_size(state, one, spread) == _faint(state, one, spread) == ""
 
 
@@ -167,14 +168,14 @@ def test_a_limit_has_to_be_known_as_well_as_from_0_and_within_its_range(share: f
     low = state.nominal.parameters[name].range[0]
     for limit, at_end in ((2.0, False), (low, True)):
         cut = replace(state, fit=replace(state.fit, setting=state.fit.setting | {name: limit}))
-        spread = {name: (share * limit, 40)}
+        spread = {name: Spread(share * limit, 40, 40.0)}
         assert bool(_not_a_size(cut, one, spread)) == (at_end or not known)
         assert bool(_faint(cut, one, spread)) != known
 
 
 def test_a_size_at_the_end_of_its_range_on_one_axis_is_none():
     state, one = with_friction(), Accepted("coulomb_friction", ("x", "y"), 50.0, ())
-    spread = {f"coulomb_friction.friction_V.{a}": (1e-3, 40) for a in "xy"}
+    spread = {f"coulomb_friction.friction_V.{a}": Spread(1e-3, 40, 40.0) for a in "xy"}
     assert _not_a_size(state, one, spread) == ""
     top = state.nominal.parameters["coulomb_friction.friction_V.y"].range[1]
     sizes = state.fit.setting | {"coulomb_friction.friction_V.y": top}
