@@ -4,6 +4,8 @@ A field of a numpy record takes 1 us to write, a number of its memory 0.05 us, a
 thousands of records of some sixty numbers.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterator, Mapping
 from math import atan2, hypot
 
@@ -35,7 +37,7 @@ def places(record: np.dtype) -> dict[str, tuple[int, int]]:
     }
 
 
-def copied(record: np.record) -> tuple[np.record, memoryview]:
+def copied(record: np.record) -> tuple[np.record, memoryview[float]]:
     """A copy of a record, and its memory as doubles: what is written to one stands in the other."""
     # `copy` of a record goes through its fields one by one.
     buffer = bytearray(record.tobytes())
@@ -68,7 +70,7 @@ def fields_of(
         yield IN_RECORD.get(key, f"{effect}_{key}"), value
 
 
-def derive(numbers: memoryview, places: Places, wound_rad: float) -> None:
+def derive(numbers: memoryview[float], places: Places, wound_rad: float) -> None:
     """Write what follows from the effects: how much of its speed a stopping motor keeps a step, and
     where the plays end; `wound_rad`: what a shaft's winding adds to the joint's on either side."""
     step_s = numbers[places["step_s"][0]]
