@@ -58,6 +58,9 @@ OUTLIER_SHARE, OUTLIER_RATIO = 0.95, 3.0  # a quantile of errors, bounded at thr
 # Of an output's names (specification.py): below, something else acts. Chosen.
 MIN_COMPLETENESS = 0.8
 FAMILY_P = 1e-4  # tail of each of about 100 tests of a log's names: 1 in CHANCE_ONE_IN logs
+# Deviation from a straight line in time, RMS, as a share of the line's own, of a drift that one run
+# tells: 1 in CHANCE_ONE_IN random walks is as straight (by polynomials up to the ninth order).
+MAX_UNEVENNESS = 0.19
 MAX_INCONSTANCY = 0.25  # by which a size has to differ as well, since no model is exact; chosen
 # Of a name whose size is no constant, or whose gain 1 s ahead is not certain: as likely something
 # else. Chosen.

@@ -28,8 +28,8 @@ cannot be told from the mean of what depends on the place, where such a term is 
 mean slope where the ball was. A size that is a rate in time (TRENDS) is hardly shown to be one in a
 single run: whatever changes slowly, 1/f noise or a slipping encoder, has a trend over one run
 (spurious regression: Granger and Newbold, J. Econometrics 2, 1974). What is no drift is not
-straight: a random walk departs from a line by less than MAX_INCONSTANCY of the line's own
-deviation in 0.8 % of runs, 1/f noise in none of 3000.
+straight: 1 in 100 random walks departs from a line by less than MAX_UNEVENNESS of the line's own
+deviation, and hardly any 1/f noise.
 
 **Order in time.** A cause does not come after what it causes (Sims, Am. Econ. Rev. 62, 1972). In
 closed loop a gust is answered by the controller, and a function of the angles of this answer looks
@@ -50,14 +50,14 @@ from numpy.polynomial.legendre import legvander
 from scipy.signal import lfilter
 from scipy.stats import f as f_distribution
 
-from calibration.gap.decision_rule import FAMILY_P, MAX_INCONSTANCY, is_certain
+from calibration.gap.decision_rule import FAMILY_P, MAX_INCONSTANCY, MAX_UNEVENNESS, is_certain
 from calibration.gap.model.cost import huber, weights
 from calibration.gap.model.fit import ParameterFit, differences, evaluate
 from calibration.gap.model.flexible import ball_regressors, servo_regressors, with_hats
 from calibration.gap.model.intervals import (
-    BLOCK_S,
     RIDGE,
     block_sums,
+    blocks_of,
     inverse_prior,
     jackknife,
 )
@@ -69,9 +69,8 @@ from calibration.gap.unnamed.basis import UnnamedTerm
 from rig.prediction.innovations import Signals
 
 TRENDS = ("level_drift",)  # effects whose size is a rate in time
-TREND_ORDERS = (
-    9  # of polynomials beside a straight line; beyond, a random walk has 2 % of its power
-)
+# Of polynomials beside a straight line; a random walk has a fifth of what lies beside it beyond.
+TREND_ORDERS = 9
 OFFSETS = ("level_offset", "voltage_offset")  # and a constant
 LEADS_S = (0.1, 0.2, 0.4)  # from a controller's first answer to most of it; chosen
 FULL = 0.99  # of the motion: beyond are its outliers; chosen
@@ -109,7 +108,7 @@ def predictable(state: State, output: str) -> float:
     for rows, own in parts:
         said = with_hats(rows, times).predicted(z[own], w[own], fold[own], *noise)
         gain[own] = mask[own] * (huber(z[own]) - huber(z[own] - said))
-    falls = np.bincount(_blocks(state, output), gain)
+    falls = np.bincount(blocks_of(state, (output,)), gain)
     return float(falls.sum()) if is_certain(falls) else 0.0
 
 
@@ -119,7 +118,7 @@ def trend_of_one_run(state: State, one: Accepted) -> str:
     if one.name not in TRENDS or len(state.evidence.runs) > 1:
         return ""
     share = max(_unevenness(state, axis) for axis in one.axes)
-    if share <= MAX_INCONSTANCY:
+    if share <= MAX_UNEVENNESS:
         return ""
     return (
         "whatever changes slowly has a trend over one run, and it is not shown to rise as evenly "
@@ -197,19 +196,12 @@ def _beside(
     z = state.fit.z(output)
     k = j.shape[1] - len(parameters)
     prior = np.append([inverse_prior(state, k) for k in parameters], np.zeros(k))
-    block = _blocks(state, output)
+    block = blocks_of(state, (output,))
     a, g = block_sums(j, weights(z, evidence.masks[output]), z, block, int(block.max()) + 1)
     d = -np.linalg.solve(a.sum(axis=0) + np.diag(prior + RIDGE), g.sum(axis=0))
     cov, telling = jackknife(a, g + a @ d, prior)
     units = np.tile(scale[places], along.shape[1])
     return d[-k:] * units, cov[-k:, -k:] * np.outer(units, units), telling[-k:]
-
-
-def _blocks(state: State, output: str) -> np.ndarray:
-    """The number of the block of BLOCK_S in which each residual (n,) of an output lies."""
-    t, run = state.evidence.times(output)
-    places = np.column_stack([run, t // BLOCK_S])
-    return np.unique(places, axis=0, return_inverse=True)[1].ravel()
 
 
 def untimely(state: State, one: Accepted, output: str) -> str:
@@ -220,7 +212,7 @@ def untimely(state: State, one: Accepted, output: str) -> str:
     own = {k.name for axis in one.axes for k in state.nominal.of(one.name, axis)}
     setting = {name: value for name, value in state.fit.setting.items() if name not in own}
     z = evaluate(state.evidence, state.nominal, setting, (output,)).z(output)
-    response, block = state.fit.z(output) - z, _blocks(state, output)
+    response, block = state.fit.z(output) - z, blocks_of(state, (output,))
     mask = state.evidence.masks[output]
     w = weights(z, mask)
 

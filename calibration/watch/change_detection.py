@@ -42,8 +42,8 @@ from calibration.statistics import student_quantile
 ONE_IN = 100  # healthy runs of which one raises an alarm; asked for
 # Spread of healthy runs over their standard deviations, and of how many runs' worth that knowledge
 # is: moments of log spread over 10 healthy tables (tests/benchmarks/gap/watching.py --prior), by
-# deviations a fifth smaller than those of today. Of these the moments are 0.8 and 1.7. Kept, since
-# an alarm costs more than one run more before it.
+# deviations a quarter smaller than those of today. Of these the moments are 0.8 and 1.7. Kept,
+# since an alarm costs more than one run more before it.
 PRIOR_RATIO, PRIOR_RUNS = 1.45, 4.2
 LIKELY = 2.0  # log-likelihood below the maximum within which a time of change is likely; chosen
 OVERSHOOT = 0.583  # nu(x) of the module's equation (Siegmund, Sequential Analysis, 1985)

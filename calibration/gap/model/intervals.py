@@ -95,9 +95,7 @@ def _blocks(
     the parameters."""
     at = ParameterFit(state.fit.setting, {p: state.fit.rolls[p] for p in outputs}, {})
     columns = differences(state.evidence, state.nominal, at, parameters, state.bounds(outputs))
-    times = [state.evidence.times(output) for output in outputs]
-    labels = np.concatenate([np.column_stack([run, t // BLOCK_S]) for t, run in times])
-    of_row = np.unique(labels, axis=0, return_inverse=True)[1].ravel()
+    of_row = blocks_of(state, outputs)
     a, g, begin = 0.0, 0.0, 0
     for output in outputs:
         z, mask = state.fit.z(output), state.evidence.masks[output]
@@ -106,6 +104,14 @@ def _blocks(
         of_output = block_sums(columns[output] * scale, weights(z, mask), z, *own)
         a, g = a + of_output[0], g + of_output[1]
     return np.asarray(a), np.asarray(g)
+
+
+def blocks_of(state: State, outputs: Sequence[str]) -> np.ndarray:
+    """The number of the block of BLOCK_S in which each residual (n,) of the outputs lies, one
+    output after the other."""
+    times = [state.evidence.times(output) for output in outputs]
+    labels = np.concatenate([np.column_stack([run, t // BLOCK_S]) for t, run in times])
+    return np.unique(labels, axis=0, return_inverse=True)[1].ravel()
 
 
 def block_sums(

@@ -3,8 +3,14 @@ tests on logs of a table where the right name is known and where there is none."
 
 import numpy as np
 import pytest
+from numpy.polynomial.legendre import legvander
 
-from calibration.gap.decision_rule import FAMILY_P, MAX_INCONSTANCY, MIN_COMPLETENESS
+from calibration.gap.decision_rule import (
+    FAMILY_P,
+    MAX_INCONSTANCY,
+    MAX_UNEVENNESS,
+    MIN_COMPLETENESS,
+)
 from calibration.gap.model.flexible import Regressors, observer, with_hats
 from calibration.gap.model.parameters import BALL, NominalModel
 from calibration.gap.model.state import State, drop_effects, refit, settle
@@ -13,6 +19,7 @@ from calibration.gap.name.stepwise import Accepted, name_effects, settled_baseli
 from calibration.gap.specification import (
     FOLDS,
     LEADS_S,
+    TREND_ORDERS,
     _advanced,
     completeness,
     inconstancy,
@@ -174,6 +181,15 @@ def test_a_trend_of_one_run_is_certain_where_it_is_straight(level: str, seed: in
     state, one = drifting(level, seed)
     assert abs(state.fit.setting["level_drift.rate_rad_s.x"]) > 1e-4
     assert ("record another" in trend_of_one_run(state, one)) == (level == "random")
+
+
+def test_one_in_a_hundred_random_walks_is_as_straight_as_a_drift_has_to_be():
+    rng, n = np.random.default_rng(11), 800
+    along = legvander(2.0 * (np.arange(n) + 0.5) / n - 1.0, TREND_ORDERS)
+    walks = np.cumsum(rng.standard_normal((n, 20000)), axis=0)
+    power = np.linalg.lstsq(along, walks)[0] ** 2 / (2.0 * np.arange(len(along.T)) + 1.0)[:, None]
+    share = np.sqrt(power[2:].sum(axis=0) / power[1])
+    assert 0.007 < np.mean(share < MAX_UNEVENNESS) < 0.013
 
 
 @pytest.mark.slow
