@@ -7,16 +7,15 @@ commands were quick; where they were not, the lag of the rig file is kept and sa
 """
 
 from collections.abc import Callable
-from dataclasses import replace
 
 from calibration.camera.sheet import CalibrationError
-from calibration.motion.rolling import Rolling, RollingFit, fit_rolling
+from calibration.motion.rolling import Rolling, fit_rolling
 from calibration.records import PositionServoAxis, PositionServoRecord, Value
 from calibration.statistics import student_quantile
 from rig.parameters import Rig
 
-# What windows with rigid joints leave out, on simulated tables: of the sum, and of each part.
-_MODEL_TOGETHER_S, _MODEL_APART_S = 0.006, 0.007
+# What windows with rigid joints leave out, on simulated tables: of the sum, of lag and dead time.
+_MODEL_S = 0.006, 0.007, 0.007
 _APART_S = 0.015  # chosen: half an interval above which lag and dead time count as not told apart
 
 
@@ -34,7 +33,7 @@ def record_by_ball(
     """
     axes = []
     for number, runs in enumerate((x, y)):
-        axes.append(_axis(runs, rig, lambda done, before=2 * number: progress(before + done, 4)))
+        axes.append(_axis(runs, rig, lambda done, number=number: progress(number + done, 2)))
     return PositionServoRecord(x=axes[0], y=axes[1], source="ball")
 
 
@@ -43,16 +42,17 @@ def _axis(runs: list[Rolling], rig: Rig, fitted: Callable[[int], None]) -> Posit
     if any(run.answer is None for run in runs):
         raise CalibrationError(f"servo {name}: its angle was measured in some run: take that alone")
     fitted(0)
-    parted = fit_rolling(runs, rig, lag=True)
+    fit = fit_rolling(runs, rig, lag=True)
     fitted(1)
-    apart = [_half(parted, std, _MODEL_APART_S) for _, std in (parted.lag_s, parted.late_s)]
+    half, *apart = [
+        student_quantile(fit.freedom) * std + model_s
+        for (_, std), model_s in zip((fit.together_s, fit.lag_s, fit.late_s), _MODEL_S, strict=True)
+    ]
     told_apart = max(apart) <= _APART_S
     lag_s, dead_s = (rig.servo.pair(key)[runs[0].axis] for key in ("lag_s", "dead_time_s"))
     if told_apart:
-        lag_s = parted.lag_s[0]
-    whole = fit_rolling(*_with_lag(runs, rig, lag_s))
-    fitted(2)
-    half, late = _half(whole, whole.late_s[1], _MODEL_TOGETHER_S), lag_s + dead_s + whole.late_s[0]
+        lag_s = fit.lag_s[0]
+    late = dead_s + fit.together_s[0]
     if late + half < 0:
         raise CalibrationError(
             f"servo {name}: the plate would move {-1e3 * late:.0f} ms before it is told: "
@@ -72,21 +72,9 @@ def _axis(runs: list[Rolling], rig: Rig, fitted: Callable[[int], None]) -> Posit
         lag_s=_not_negative(lag_s, apart[0]) if told_apart else None,
         dead_time_s=_not_negative(late - lag_s, apart[1] if told_apart else half),
         together_s=Value.around(late, half),
-        together_off_s=whole.late_off_s,
+        together_off_s=fit.together_off_s,
         not_seen=not_seen,
     )
-
-
-def _with_lag(runs: list[Rolling], rig: Rig, lag_s: float) -> tuple[list[Rolling], Rig]:
-    """The runs and the rig with servos of that lag on the runs' axis."""
-    own = {**getattr(rig.servo, "xy"[runs[0].axis]), "lag_s": lag_s}
-    servo = replace(rig.servo, **{"xy"[runs[0].axis]: own})
-    moved = [replace(run, theta_rad=run.answer(lag_s)) for run in runs if run.answer is not None]
-    return moved, replace(rig, servo=servo)
-
-
-def _half(fit: RollingFit, std: float, model_s: float) -> float:
-    return student_quantile(fit.freedom) * std + model_s
 
 
 def _not_negative(value: float, half: float) -> Value:

@@ -16,7 +16,8 @@ Two things that no rig file tells look like a lateness, too: what slows the ball
 about the frequency w like one of -d/w^2 (5 ms for 0.05 1/s at 0.5 Hz), and the height h of the
 ball's centre above the plate's pivot, h phi'' in place of r phi''. Fitted with the others they
 make lateness and lag useless where the ball swings about one frequency; so d = 0 and h = r are
-taken, and told is by how much d = DRAG_1_S and h = 0 move the lateness (to first order).
+taken, and told is by how much d = DRAG_1_S and h = 0 move the lateness, with the lag where that is
+fitted (to first order).
 
 That holds the plate by the friction of its joints inside the play (theta_p is the play operator).
 Where a heavy ball's weight overcomes that friction, m g ratio |x| > F, the joint rests on the
@@ -54,6 +55,9 @@ _LATE_S = (-0.15, 0.3)
 _TOUCHED = 4.0  # times the median of the windows' residuals; chosen, since noise alone gives 1.5
 DRAG_1_S = 0.05  # chosen: a rolling ball loses some percent of its speed in a second
 _MIN_TILT = 0.009  # sine of the plate's tilt: 0.05 rad of the default table's servos
+# Steps of the differences in width, lateness and lag; that of the lag is chosen so wide because a
+# lag below the plant's step moves nothing, which a narrow one there takes for no knowledge of it.
+_STEPS = (1e-4, 1e-4, 1.5e-2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,9 +78,10 @@ class Rolling:
 class RollingFit:
     """(Value, standard deviation) of the level's slope [rad], the gain c [m/s2 per rad], the
     backlash's full width [rad], the lateness of the ball's time stamps [s] and the servo's lag [s];
-    rms of the residual [m]; number of windows; whether the
-    ball's weight overcame the joint's friction; by how much the lateness [s] may be off, as one
-    standard deviation, for what slows the ball and for its height above the pivot."""
+    rms of the residual [m]; number of windows; lateness and lag together [s], which the ball tells
+    where it does not part them; whether the ball's weight overcame the joint's friction; by how
+    much `together_s` may be off, as one standard deviation, for what slows the ball and for its
+    height above the pivot."""
 
     slope_rad: tuple[float, float]
     gain_m_s2: tuple[float, float]
@@ -84,9 +89,10 @@ class RollingFit:
     late_s: tuple[float, float]
     rms_m: float
     windows: int
+    together_s: tuple[float, float]
     lag_s: tuple[float, float] = (0.0, inf)
     loaded: bool = False
-    late_off_s: float = 0.0
+    together_off_s: float = 0.0
 
     @property
     def freedom(self) -> int:
@@ -325,22 +331,22 @@ def _with_deviations(
     first-order propagation."""
     columns, sides = _columns(made, best)
     found = np.linalg.lstsq(columns, sides)[0]
-    residual, step = sides - columns @ found, 1e-4
+    residual = sides - columns @ found
 
     def change(k: int) -> np.ndarray:
-        moved, its_sides = _columns(made, best + step * np.eye(3)[k])
-        return ((its_sides - moved @ found) - residual) / step
+        moved, its_sides = _columns(made, best + _STEPS[k] * np.eye(3)[k])
+        return ((its_sides - moved @ found) - residual) / _STEPS[k]
 
     derivatives = [change(int(k)) for k in np.flatnonzero(free)]
     jacobian = np.column_stack((-columns, *derivatives))
     sizes = [j - i for one in made for i, j in one.spans]
     windows = np.repeat(np.arange(len(sizes)), sizes)
     covariance = clustered_covariance(jacobian, residual, windows)
-    std = np.full(5, inf)
-    std[np.concatenate(([True, True], free))] = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    fitted = np.concatenate(([True, True], free))
+    std = np.full(5, inf)  # of c, b and what `best` holds
+    std[fitted] = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    both = np.array((0.0, 0.0, 0.0, 1.0, 1.0))[fitted]
     more = np.concatenate([one.taken(best) for one in made])
-    off = np.zeros(5)  # of c, b and what `best` holds
-    off[np.concatenate(([True, True], free))] = np.hypot(*np.linalg.lstsq(jacobian, more)[0].T)
     c, b = (float(value) for value in found)
     ratio = rig.linkage.ratios[made[0].run.axis]
     return RollingFit(
@@ -350,7 +356,8 @@ def _with_deviations(
         late_s=(float(best[1]), float(std[3])),
         rms_m=float(np.sqrt(np.mean(residual**2))),
         windows=len(sizes),
+        together_s=(float(best[1] + best[2]), float(np.sqrt(both @ covariance @ both))),
         lag_s=(float(best[2]), float(std[4])),
         loaded=any(one.loaded for one in made),
-        late_off_s=float(off[3]),
+        together_off_s=float(np.hypot(*(both @ np.linalg.lstsq(jacobian, more)[0]))),
     )

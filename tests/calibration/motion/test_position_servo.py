@@ -193,8 +193,9 @@ def test_a_heavy_balls_weight_on_the_play_does_not_bend_the_gain():
 
 
 def test_what_a_ball_that_is_slowed_makes_of_lag_and_dead_time_is_told():
-    """A textbook table (no term of the ball's height, drag of 0.15 1/s): the interval misses."""
+    """A textbook table (no term of the ball's height, drag of 0.3 1/s): the interval misses."""
     rng, step_s, n, lag_s, late = np.random.default_rng(3), 0.01, 4000, 0.08, 3
+    drag_1_s = 0.3
     told, seen, angle, x, v = np.zeros(n), np.zeros(n), 0.0, 0.03, 0.0
     ratio = Linkage().ratio
     for k in range(n):
@@ -203,7 +204,7 @@ def test_what_a_ball_that_is_slowed_makes_of_lag_and_dead_time_is_told():
         told[k] = np.clip(-(2.0 * (x - target) + 1.6 * v) / ratio * 0.5, -0.6, 0.6)
         for _ in range(10):
             angle += (told[max(k - late, 0)] - angle) * (1.0 - np.exp(-1e-3 / lag_s))
-            acceleration = 5 / 7 * 9.81 * ratio * np.sin(angle) - 0.15 * v
+            acceleration = 5 / 7 * 9.81 * ratio * np.sin(angle) - drag_1_s * v
             x, v = x + 1e-3 * v, v + 1e-3 * acceleration
     columns = {"t_s": step_s * np.arange(n), "command_x_rad": told, "ball_x_m": seen}
     log = Log.from_columns({"command_y_rad": 0.0 * told, "ball_y_m": 0.0 * seen, **columns})
@@ -212,4 +213,4 @@ def test_what_a_ball_that_is_slowed_makes_of_lag_and_dead_time_is_told():
     found = record_by_ball([run], [run], rig).x
     missed_s = lag_s + late * step_s - found.together_s.value
     assert found.together_s.high < lag_s + late * step_s
-    assert missed_s < 2 * 0.15 / DRAG_1_S * found.together_off_s
+    assert missed_s < 2 * drag_1_s / DRAG_1_S * found.together_off_s
