@@ -6,6 +6,7 @@ import signal
 import sys
 import time
 from contextlib import suppress
+from typing import TextIO
 
 ENDING_S = 5.0  # chosen: as `rig.loop.signals.LEAVING_S`; later ones end the program at once
 _ended_s: list[float] = []  # when the command was done
@@ -30,6 +31,21 @@ def main() -> None:
         run()
     finally:
         _ended_s.append(time.monotonic())
+        _let_go(sys.stderr)
+
+
+def _let_go(errors: TextIO | None) -> None:
+    """Drop what standard error does not take, as nobody reads it: Python would try once more as it
+    ends, and end with a code of its own (120)."""
+    if errors is None:
+        return
+    try:
+        errors.flush()
+    except (OSError, ValueError):
+        with suppress(OSError, ValueError):
+            nothing = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(nothing, errors.fileno())
+            os.close(nothing)
 
 
 def _end(number: int, _: object) -> None:
