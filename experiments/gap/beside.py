@@ -118,7 +118,7 @@ def beside_rows(
         label, what = effect_words(name), key_words(key)
         if what not in label:  # "joint play" says already what its width is of
             label += f", {what}"
-        verdict = _verdict(place, found, calibrated, truth)
+        verdict = _verdict(place, found, calibrated, truth, known)
         if (
             verdict == NOT_NAMED
             and truth
@@ -185,14 +185,21 @@ def _verdict(
     found: Mapping[Place, Interval],
     calibrated: Mapping[Place, Interval],
     truth: Mapping[Place, float] | None,
+    known: Mapping[str, Effect],
 ) -> str:
+    """An effect is there where its size, its first parameter, is; of one that is not, what shapes
+    it says nothing, and a shape that the truth does not tell is at its null."""
     if place not in found:
         return NOT_NAMED
     one = found[place]
     if truth is not None:
-        if place not in truth:
-            return NOT_THERE
-        other = Interval(truth[place], truth[place], truth[place])
+        name, axis, key = place
+        nulls = {parameter.key: parameter.null for parameter in known[name].parameters}
+        size = next(iter(nulls))
+        if (name, axis, size) not in truth:
+            return NOT_THERE if key == size else ""
+        true = truth.get(place, nulls.get(key, 0.0))
+        other = Interval(true, true, true)
     elif place in calibrated:
         other = calibrated[place]
     else:

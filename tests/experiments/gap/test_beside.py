@@ -63,6 +63,16 @@ def test_each_parameter_is_judged_by_the_truth_and_else_by_the_calibration():
     assert contradictions([cog]) == ""
 
 
+def test_a_shape_that_the_truth_does_not_tell_is_at_its_null_and_means_nothing_without_its_effect():
+    settles = ("coulomb_friction", "x", "settling_s")
+    found = {DRY: Interval(0.05, 0.04, 0.06), settles: Interval(6e-5, -1.3e-3, 1.4e-3)}
+    rows = beside_rows(found, {}, {DRY: 0.052})
+    assert [row[-1] for row in rows] == [AGREES, AGREES]
+    late = beside_rows(found | {settles: Interval(5e-3, 4e-3, 6e-3)}, {}, {DRY: 0.052})
+    assert late[1][-1] == CONTRADICTS
+    assert [row[-1] for row in beside_rows(found, {}, {GEAR: 0.02})] == [NOT_THERE, "", NOT_NAMED]
+
+
 def test_a_calibration_of_another_virtual_table_is_no_measure_of_this_one(tmp_path: Path):
     file, play = tmp_path / "calibration.json", BacklashAxis(width_rad=Value.around(0.02, 0.001))
     made = datetime.now(UTC)
