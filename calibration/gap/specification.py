@@ -55,14 +55,15 @@ from calibration.gap.model.cost import huber, weights
 from calibration.gap.model.fit import ParameterFit, differences, evaluate
 from calibration.gap.model.flexible import ball_regressors, servo_regressors, with_hats
 from calibration.gap.model.intervals import (
+    FALLING_HIGH,
     RIDGE,
     block_sums,
     blocks_of,
     inverse_prior,
     jackknife,
 )
-from calibration.gap.model.parameters import BALL, PERIODIC, SERVO, Model
-from calibration.gap.model.state import State
+from calibration.gap.model.parameters import BALL, FALL_KEY, PERIODIC, SERVO, Model
+from calibration.gap.model.state import State, outputs_of
 from calibration.gap.name.stepwise import Accepted
 from calibration.gap.prove import model_of
 from calibration.gap.unnamed.basis import UnnamedTerm
@@ -72,6 +73,7 @@ TRENDS = ("level_drift",)  # effects whose size is a rate in time
 # Of polynomials beside a straight line; a random walk has a fifth of what lies beside it beyond.
 TREND_ORDERS = 9
 OFFSETS = ("level_offset", "voltage_offset")  # and a constant
+JOINT = "joint_backlash"
 LEADS_S = (0.1, 0.2, 0.4)  # from a controller's first answer to most of it; chosen
 FULL = 0.99  # of the motion: beyond are its outliers; chosen
 FOLD_S = 1.0  # of folds in turn: longer than a filter remembers, shorter than a hat; chosen
@@ -147,6 +149,28 @@ def mean_of_a_map(one: Accepted, outputs: Collection[str], left: UnnamedTerm | N
     words; "" if it can."""
     if one.name in OFFSETS and left is not None and left.kind == "map" and left.output in outputs:
         return "what is left depends on the place, and its mean looks like this"
+    return ""
+
+
+def misfit_of_a_fall(state: State, one: Accepted, accepted: Collection[Accepted]) -> str:
+    """Why a small name on the ball beside a joint in whose play the plate falls cannot be certain,
+    in words; "" if it can.
+
+    That play may be FALLING_HIGH times what was fitted (`calibration.gap.model.intervals`). What
+    it explains goes with the square of its size, so that (1 - 1/FALLING_HIGH)^2 of its score may be
+    left over for a name that only takes up the rest.
+    """
+    if one.name == JOINT or BALL not in outputs_of(state.nominal.catalogue[one.name], one.axes):
+        return ""
+    share = (1.0 - 1.0 / FALLING_HIGH) ** 2
+    setting = state.fit.setting
+    for joint in accepted:
+        falls = [a for a in joint.axes if setting.get(f"{JOINT}.{FALL_KEY}.{a}")]
+        if joint.name == JOINT and falls and one.score < share * joint.score:
+            return (
+                "the plate falls in the play of its joint, bounces are not followed, and what they "
+                "leave looks like this"
+            )
     return ""
 
 

@@ -74,6 +74,7 @@ from calibration.gap.specification import (
     completeness,
     inconstancy,
     mean_of_a_map,
+    misfit_of_a_fall,
     predictable,
     trend_of_one_run,
     untimely,
@@ -175,6 +176,7 @@ def judge(decision: Decision) -> tuple[Decision, list[str], tuple[str, ...]]:
     for i, one in enumerate(kept):
         weak = unproven(one, before, after, known) or _faint(alone, one, spread)
         weak = weak or mean_of_a_map(one, outputs_of_name(one, known), decision.unnamed)
+        weak = weak or misfit_of_a_fall(alone, one, kept)
         if reason := weak or trend_of_one_run(state, one):
             kept[i] = replace(one, explained=min(one.explained, DOUBTED_PROBABILITY))
             reasons.append(f"not certain: {one.name}: {reason}")

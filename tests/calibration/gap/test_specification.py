@@ -1,6 +1,8 @@
 """Is a named model complete, and are its sizes constants: the regressions on made data, and both
 tests on logs of a table where the right name is known and where there is none."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.polynomial.legendre import legvander
@@ -12,7 +14,7 @@ from calibration.gap.decision_rule import (
     MIN_COMPLETENESS,
 )
 from calibration.gap.model.flexible import Regressors, observer, with_hats
-from calibration.gap.model.parameters import BALL, NominalModel
+from calibration.gap.model.parameters import BALL, FALL_KEY, NominalModel
 from calibration.gap.model.state import State, drop_effects, refit, settle
 from calibration.gap.name.decide import Decision, decide
 from calibration.gap.name.stepwise import Accepted, name_effects, settled_baseline
@@ -24,6 +26,7 @@ from calibration.gap.specification import (
     completeness,
     inconstancy,
     mean_of_a_map,
+    misfit_of_a_fall,
     trend_of_one_run,
     untimely,
 )
@@ -217,6 +220,27 @@ def test_a_constant_is_not_certain_beside_what_depends_on_the_place(
     found = mean_of_a_map(Accepted(name, ("x",), 100.0, ()), (BALL,), left)
     assert bool(found) == doubted
     assert not mean_of_a_map(Accepted(name, ("x",), 100.0, ()), (BALL,), None)
+
+
+@pytest.mark.parametrize(
+    ("name", "score", "falls", "doubted"),
+    [
+        ("plate_bowl", 25.0, 1.0, True),  # 0.3 of 100 may be what bounces leave
+        ("plate_bowl", 40.0, 1.0, False),
+        ("plate_bowl", 25.0, 0.0, False),
+        ("coulomb_friction", 25.0, 1.0, False),  # of the servo
+    ],
+)
+def test_a_small_name_on_the_ball_is_not_certain_beside_a_plate_that_falls_in_its_joint(
+    name: str, score: float, falls: float, doubted: bool
+):
+    state = released(evidence_of(foreign("steps", seed=6, duration_s=5.0)))
+    setting = {**state.fit.setting, f"joint_backlash.{FALL_KEY}.x": falls}
+    state = replace(state, fit=replace(state.fit, setting=setting))
+    joint = Accepted("joint_backlash", ("x",), 100.0, ())
+    one = Accepted(name, ("xy",) if name == "plate_bowl" else ("x",), score, ())
+    assert bool(misfit_of_a_fall(state, one, (joint, one))) == doubted
+    assert not misfit_of_a_fall(state, joint, (joint, one))
 
 
 @pytest.mark.slow
