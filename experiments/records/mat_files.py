@@ -29,7 +29,7 @@ def read_mat(path: Path) -> dict[str, Any]:
 
     try:
         check_inflated(path, MOST_BYTES)
-        found = loadmat(path, appendmat=False)
+        found = loadmat(path, appendmat=False, spmatrix=False)
     except NotImplementedError:  # what scipy raises for version 7.3
         return _read_hdf5(path)
     except Exception as error:  # of damaged bytes scipy raises whatever it meets

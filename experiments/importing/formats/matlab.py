@@ -56,7 +56,7 @@ def _version_5(path: Path) -> tuple[dict[str, Any], list[str]]:
 
     try:
         check_inflated(path, 8 * MAX_CELLS)
-        found = loadmat(path, appendmat=False, simplify_cells=True)
+        found = loadmat(path, appendmat=False, simplify_cells=True, spmatrix=False)
     except Exception as error:  # of damaged bytes scipy raises whatever it meets
         raise BadFileError(f"not readable as a MAT file ({error})") from error
     tree = {name: value for name, value in found.items() if not name.startswith("__")}
