@@ -175,9 +175,7 @@ def judge(decision: Decision) -> tuple[Decision, list[str], tuple[str, ...]]:
     reasons += doubts
     for i, one in enumerate(kept):
         weak = unproven(one, before, after, known) or _faint(alone, one, spread)
-        weak = weak or mean_of_a_map(one, outputs_of_name(one, known), decision.unnamed)
-        weak = weak or misfit_of_a_fall(alone, one, kept)
-        if reason := weak or trend_of_one_run(state, one):
+        if reason := weak or _leans(decision, alone, one, kept):
             kept[i] = replace(one, explained=min(one.explained, DOUBTED_PROBABILITY))
             reasons.append(f"not certain: {one.name}: {reason}")
     if not lost:
@@ -185,6 +183,17 @@ def judge(decision: Decision) -> tuple[Decision, list[str], tuple[str, ...]]:
     all_harm = all(o in after and harmed(before[o], after[o]) for o in outputs)
     left = _without(decision, tuple(kept), lost, all_harm=all_harm)
     return left, [one.name for one in outdone], tuple(reasons)
+
+
+def _leans(decision: Decision, alone: State, one: Accepted, kept: Collection[Accepted]) -> str:
+    """Why a name may be another thing's mean, rest or trend, in words; "" if it is none. alone: the
+    state without the unnamed term; kept: all names that stand."""
+    outputs = outputs_of_name(one, alone.nominal.catalogue)
+    return (
+        mean_of_a_map(one, outputs, decision.unnamed)
+        or misfit_of_a_fall(alone, one, kept)
+        or trend_of_one_run(decision.state, one)
+    )
 
 
 def _with(decision: Decision, accepted: Iterable[Accepted]) -> Decision:
