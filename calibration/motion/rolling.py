@@ -346,6 +346,7 @@ def _with_deviations(
     std = np.full(5, inf)  # of c, b and what `best` holds
     std[fitted] = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     both = np.array((0.0, 0.0, 0.0, 1.0, 1.0))[fitted]
+    together = float(np.sqrt(both @ covariance @ both))
     more = np.concatenate([one.taken(best) for one in made])
     c, b = (float(value) for value in found)
     ratio = rig.linkage.ratios[made[0].run.axis]
@@ -356,7 +357,7 @@ def _with_deviations(
         late_s=(float(best[1]), float(std[3])),
         rms_m=float(np.sqrt(np.mean(residual**2))),
         windows=len(sizes),
-        together_s=(float(best[1] + best[2]), float(np.sqrt(both @ covariance @ both))),
+        together_s=(float(best[1] + best[2]), together if free[1] else inf),
         lag_s=(float(best[2]), float(std[4])),
         loaded=any(one.loaded for one in made),
         together_off_s=float(np.hypot(*(both @ np.linalg.lstsq(jacobian, more)[0]))),
