@@ -11,7 +11,7 @@ All zero leaves the model unchanged bit for bit.
 """
 
 from dataclasses import dataclass, fields
-from math import cos, pi, sin, tanh
+from math import cos, isfinite, pi, sin, tanh
 
 import numpy as np
 
@@ -29,7 +29,7 @@ class Discrepancy:
 
     `ball_*` in m/s2, `servo_*` in V or rad (`*_speed` divided by the unit of its basis function),
     `*_hz` the frequency of the rhythm, `*_segment_s` begin and end [s] of the time in which
-    `*_segment` acts. ValueError: a tuple of another length.
+    `*_segment` acts. ValueError: a tuple of another length, a number that is not finite.
     """
 
     ball_map_x: tuple[float, ...] = ZERO_16  # row i * 4 + j of T_i(x/h) T_j(y/h)
@@ -58,6 +58,8 @@ class Discrepancy:
                 raise ValueError(
                     f"unknown.{f.name} has {len(value)} numbers; it needs {len(f.default)}"
                 )
+            if not all(map(isfinite, value if isinstance(value, tuple | list) else (value,))):
+                raise ValueError(f"unknown.{f.name} = {value}: must be finite")
 
 
 DISCREPANCY = np.dtype(

@@ -4,19 +4,21 @@ from dataclasses import replace
 from typing import Annotated, Any, ClassVar, Self
 
 from annotated_types import Ge, Gt, Interval
+from pydantic import Strict
 
-# What a number of the rig file may be; `rig.rigfile` holds a file against these types.
-Finite = float
-NotNegative = Annotated[float, Ge(0)]
-Positive = Annotated[float, Gt(0)]
-Share = Annotated[float, Interval(ge=0, le=1)]
-# What no such table exceeds, so that a number in millimetres, grams or milliseconds is refused:
-# chosen, ten times what people build.
-Length = Annotated[float, Interval(gt=0, le=5)]  # m
-Size = Annotated[float, Interval(ge=0, le=5)]  # m; 0: none
-Mass = Annotated[float, Interval(gt=0, le=10)]  # kg
-Wait = Annotated[float, Interval(ge=0, le=10)]  # s; 0: none
-Lag = Annotated[float, Interval(gt=0, le=10)]  # s
+# What a number of the rig file may be; `rig.rigfile` holds a file against these types. Texts and
+# truth values are none.
+Finite = Annotated[float, Strict()]
+NotNegative = Annotated[Finite, Ge(0)]
+Positive = Annotated[Finite, Gt(0)]
+Share = Annotated[Finite, Interval(ge=0, le=1)]
+# What no such table exceeds or falls below, so that a number in millimetres, grams or milliseconds
+# is refused: chosen, ten times what people build, and a tenth of a ball of 2 mm.
+Length = Annotated[Finite, Interval(gt=1e-4, le=5)]  # m
+Size = Annotated[Finite, Interval(ge=0, le=5)]  # m; 0: none
+Mass = Annotated[Finite, Interval(gt=1e-6, le=10)]  # kg
+Wait = Annotated[Finite, Interval(ge=0, le=10)]  # s; 0: none
+Lag = Annotated[Finite, Interval(gt=0, le=10)]  # s
 
 
 class Section:

@@ -40,7 +40,8 @@ def load_rig(path: Path | None) -> Rig:
     shipped = sorted(file.stem for file in folder.glob("*.toml"))
     if str(path) in shipped:
         return read_rig(folder / f"{path}.toml")
-    raise FileNotFoundError(f"rig file {path} not found; shipped: {', '.join(shipped)}")
+    why = "is no ordinary file" if path.exists() else "not found"
+    raise FileNotFoundError(f"rig file {path} {why}; shipped: {', '.join(shipped)}")
 
 
 def known(rig: Rig) -> Rig:

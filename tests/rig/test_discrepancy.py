@@ -1,5 +1,6 @@
 """Room for the unknown: each part of the basis acts as written; predictor and simulator agree."""
 
+import re
 from dataclasses import replace
 from math import cos, pi, sin, tanh
 from pathlib import Path
@@ -111,9 +112,15 @@ def test_it_lives_in_the_rig_file_and_controllers_do_not_see_it(tmp_path: Path):
     write_rig(rig, tmp_path / "rig.toml")
     assert read_rig(tmp_path / "rig.toml") == rig
     assert known(rig).unknown == Discrepancy()
-    (tmp_path / "bad.toml").write_text("[unknown]\nball_speed_x = [1.0]\n")
-    with pytest.raises(ValueError, match="it needs 4"):
-        read_rig(tmp_path / "bad.toml")
+    bad = tmp_path / "bad.toml"
+    for line, words in (
+        ("ball_speed_x = [1.0]", "unknown.ball_speed_x has 1 numbers; it needs 4"),
+        ("ball_rhythm_hz = inf", "unknown.ball_rhythm_hz = inf: must be finite"),
+        ("servo_rhythm_x = [nan, 0.0]", "unknown.servo_rhythm_x = (nan, 0.0): must be finite"),
+    ):
+        bad.write_text(f"[unknown]\n{line}\n")
+        with pytest.raises(ValueError, match=re.escape(f"{bad}: {words}")):
+            read_rig(bad)
 
 
 def test_zero_coefficients_change_nothing():
