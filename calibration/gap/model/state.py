@@ -219,6 +219,20 @@ def price(state: State, levels: np.record) -> float:
     return state.fit.cost + PENALTY_PER_PARAMETER * sum(map(len, free))
 
 
+def fall_of_cost(before: State, after: State, outputs: Collection[str]) -> float:
+    """By how much the cost of these outputs falls from one state to another, both fitted at the
+    smaller noise of both: costs at different noise say nothing of each other."""
+    levels = least_noise(before.evidence.levels, after.evidence.levels)
+
+    def cost(state: State) -> float:
+        if state.evidence.levels != levels:
+            state = with_levels(state, levels, outputs)
+            state = refit(state, state.bounds(outputs), iterations=3)
+        return sum(state.fit.costs[output] for output in outputs)
+
+    return cost(before) - cost(after)
+
+
 def settle(state: State, outputs: Iterable[str]) -> State:
     """Estimate the noise levels of some outputs anew, then fit everything that is free on them;
     outputs without evidence are passed over."""

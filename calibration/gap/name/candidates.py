@@ -38,7 +38,7 @@ SIZES: Mapping[str, tuple[float, ...]] = {
     "k1_1_m2": (0.5, 3.0), HEIGHT_KEY: (0.01,), "lag_s": (0.01, 0.03, 0.1),
     "half_width_rad": (0.003, 0.01, 0.03),
 }  # fmt: skip
-START_COAST_S2_RAD = 0.06
+START_COASTS_S2_RAD = (0.06, 0.2)  # of braked arms, by a twentieth and a seventieth of 1 V; chosen
 FALLS = (0.0, 0.5, 1.0)  # of plates in the play of their joints
 # Plays that are tried from here to the end of the range, a quarter apart: the valley of C about the
 # right one is as wide; chosen.
@@ -127,11 +127,11 @@ def light_arm_backlash_starts(
     fitted beside a model without backlash are biased."""
     servo = {f".{key}.{axis}": getattr(nominal.rig.servo, key) for key in CALIBRATED}
     delay = nominal.of("input_delay", axis)[0]
-    held, braked = ({f"gear_backlash.{COAST_KEY}.{axis}": x} for x in (0.0, START_COAST_S2_RAD))
+    shapes = [{f"gear_backlash.{COAST_KEY}.{axis}": x} for x in (0.0, *START_COASTS_S2_RAD)]
     return [
         {f"gear_backlash.play_rad.{axis}": play, delay.name: delay.nominal} | servo | shape
         for play in plays
-        for shape in ([held, braked, {}] if nominal.coasts else [held, braked])
+        for shape in ([*shapes, {}] if nominal.coasts else shapes)
     ]
 
 
@@ -169,12 +169,6 @@ def resets_servo(start: Iterable[str]) -> bool:
     """Whether a start sets K and tau anew, as those of a light arm's backlash, of a wide dead zone
     and of low saturation do; `start` holds its parameter names."""
     return any(name.startswith(".") for name in start)
-
-
-def is_wide_dead_zone(start: Iterable[str]) -> bool:
-    """Whether a start is one of `wide_dead_zone_starts`, which are judged at the noise estimated
-    with them; `start` holds its parameter names."""
-    return resets_servo(start) and any(name.startswith("dead_zone.") for name in start)
 
 
 def largest_volts(evidence: Evidence, axis: str) -> float:

@@ -23,11 +23,10 @@ from calibration.gap.decision_rule import (
 )
 from calibration.gap.model.fit import evaluate
 from calibration.gap.model.parameters import PERIODIC, SETTLING_KEY, released
-from calibration.gap.model.state import Key, State, moved_by, refit, settle
+from calibration.gap.model.state import Key, State, fall_of_cost, moved_by, refit, settle
 from calibration.gap.name.candidates import (
     Start,
     fastest,
-    is_wide_dead_zone,
     largest_volts,
     reach,
     resets_servo,
@@ -189,9 +188,11 @@ def _release(state: State, name: str, chosen: list[Screened]) -> CandidateFit:
         ),
     )
     done = refit(begun, begun.bounds(outputs))
-    if wide := {f"servo_{one.axis}" for one in chosen if is_wide_dead_zone(one.start)}:
-        done = settle(done, wide)
-    candidate = CandidateFit(name, axes, done, state.fit.cost - done.fit.cost)
+    gain = sum(state.fit.costs[o] - done.fit.costs[o] for o in state.fit.costs if o not in anew)
+    if anew:
+        done = settle(done, anew)
+        gain += fall_of_cost(state, done, anew)
+    candidate = CandidateFit(name, axes, done, gain)
     real = [one for one in chosen if candidate.is_identified(one.axis)]
     return _release(state, name, real) if 0 < len(real) < len(chosen) else candidate
 

@@ -28,10 +28,9 @@ from calibration.gap.model.fit import (
     normal_equations,
 )
 from calibration.gap.model.parameters import CALIBRATED, SERVO, NominalModel, Parameter
-from calibration.gap.model.state import Key, State, outputs_of, refit, settle
+from calibration.gap.model.state import Key, State, fall_of_cost, outputs_of, refit, settle
 from calibration.gap.name.candidates import (
     Start,
-    is_wide_dead_zone,
     largest_volts,
     light_arm_backlash_starts,
     low_saturation_starts,
@@ -44,6 +43,9 @@ from rig.prediction.innovations import noise
 # Times the tried size to which a screen extrapolates: sizes of a ladder stand 2 to 5 apart, an
 # effect with one size is nearly linear; chosen.
 LADDER_REACH, LINEAR_REACH = 2.0, 6.0
+# Of the ladder's plays, those about which more are tried, and where: the teeth meet at other times
+# a few per cent beside the right play, so the ladder's best may be another; chosen.
+PLAYS_REFINED, BETWEEN_PLAYS = 3, (0.9, 0.95, 1.0, 1.06, 1.12)
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,15 +208,15 @@ def _light_arm_backlash(state: State, output: str, skip: set[Key]) -> Screened |
         return None
     evidence = at_start_noise(state, (output,))
 
-    def best(plays: list[float]) -> tuple[Start, ParameterFit]:
+    def by_cost(plays: Iterable[float]) -> list[tuple[Start, ParameterFit]]:
         tried = light_arm_backlash_starts(axis, state.nominal, plays)
         fits = [evaluate(evidence, state.nominal, bare | start, (output,)) for start in tried]
-        return min(zip(tried, fits, strict=True), key=lambda pair: pair[1].cost)
+        return sorted(zip(tried, fits, strict=True), key=lambda pair: pair[1].cost)
 
     bare = state.fit.setting
-    ladder, _ = best(play_ladder(state.nominal, axis))
-    play = ladder[first.name]
-    keys, start = best([play * ratio for ratio in (0.9, 0.95, 1.0, 1.06, 1.12)])
+    found = by_cost(play_ladder(state.nominal, axis))
+    plays = list(dict.fromkeys(start[first.name] for start, _ in found))[:PLAYS_REFINED]
+    keys, start = by_cost([play * ratio for play in plays for ratio in BETWEEN_PLAYS])[0]
     return _fitted_from_reset(state, evidence, "gear_backlash", output, start, keys)
 
 
@@ -260,14 +262,17 @@ def _fitted_from_reset(
     start: ParameterFit,
     keys: Iterable[str],
 ) -> Screened | None:
-    """An effect of an output fitted from a start that sets K and tau anew; None: no gain."""
+    """An effect of an output fitted from a start that sets K and tau anew, and the noise estimated
+    beside it; None: no gain, or none before that, which takes long."""
     begun = replace(state, evidence=evidence, fit=start, named=(*state.named, (name, output[-1])))
     done = refit(begun, begun.bounds((output,)), iterations=3)
-    found = (settle(done, (output,)) if is_wide_dead_zone(keys) else done).fit
-    gain = state.fit.costs[output] - found.cost
+    if not penalised_gain(fall_of_cost(state, done, (output,)), len(list(keys))) > 0.0:
+        return None
+    done = settle(done, (output,))
+    gain = fall_of_cost(state, done, (output,))
     if not gain > 0.0:
         return None
-    moved = {key: found.setting[key] for key in keys}
+    moved = {key: done.fit.setting[key] for key in keys}
     return Screened(name, output[-1], gain, moved, 0.0, moved)
 
 
