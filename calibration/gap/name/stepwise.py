@@ -39,6 +39,7 @@ from calibration.gap.model.state import (
     baseline,
     cheaper,
     drop_effects,
+    fall_of_cost,
     moved_by,
     outputs_of,
     settle,
@@ -172,7 +173,7 @@ def _selected(state: State, skip: Sequence[Key], tell: Tell = untold) -> _Select
         outputs = moved_by(state.nominal, best.keys)
         total += best.score
         for o in set(outputs) & set(state.fit.costs):
-            fall = state.fit.costs[o] - best.state.fit.costs[o]
+            fall = fall_of_cost(state, best.state, (o,))
             explained[o] = explained.get(o, 0.0) + max(fall, 0.0)
         state = settle(best.state, outputs)
         path = (*path, (best.name, state))
