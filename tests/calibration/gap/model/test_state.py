@@ -6,7 +6,16 @@ import numpy as np
 
 from calibration.gap.model.fit import evaluate
 from calibration.gap.model.parameters import NominalModel
-from calibration.gap.model.state import State, drop_effects, moved_by, plain, refit, settle
+from calibration.gap.model.state import (
+    State,
+    at_noise,
+    drop_effects,
+    fall_of_cost,
+    moved_by,
+    plain,
+    refit,
+    settle,
+)
 from rig.discrepancy import Discrepancy
 from tests.support.gap.tables import RIG, evidence_of, foreign, released
 
@@ -35,3 +44,17 @@ def test_a_play_that_is_dropped_is_dropped_from_the_servo_that_it_freed():
     again = evaluate(bare.evidence, nominal, bare.fit.setting, evidence.outputs)
     assert bare.fit.costs == again.costs
     assert bare.fit.setting[".time_constant_s.x"] != nominal.rig.servo.time_constant_s
+
+
+def test_no_cost_falls_by_other_noise_alone():
+    """Costs at different noise differ by thousands, for one and the same model."""
+    hidden = {"gear_backlash": {"x": {"play_rad": 0.02}}}
+    evidence = evidence_of(foreign("steps", seed=4, effects=hidden, duration_s=8.0))
+    state = settle(released(evidence), ["servo_x"])
+    levels = state.evidence.levels.copy()
+    levels["servo_process"][0] *= 0.5
+    other = at_noise(state, levels)
+    assert abs(state.fit.costs["servo_x"] - other.fit.costs["servo_x"]) > 100.0
+    for one, two in ((state, other), (other, state)):
+        assert abs(fall_of_cost(one, two, ["servo_x"])) < 1.0
+    assert fall_of_cost(state, state, ["servo_x"]) == 0.0
