@@ -38,7 +38,7 @@ SIZES: Mapping[str, tuple[float, ...]] = {
     "k1_1_m2": (0.5, 3.0), HEIGHT_KEY: (0.01,), "lag_s": (0.01, 0.03, 0.1),
     "half_width_rad": (0.003, 0.01, 0.03),
 }  # fmt: skip
-START_COASTS_S2_RAD = (0.06, 0.2)  # of braked arms, by a twentieth and a seventieth of 1 V; chosen
+START_COASTS_S2_RAD = (0.06, 0.2)  # arms that brake by 17 and by 5 rad/s2; chosen
 FALLS = (0.0, 0.5, 1.0)  # of plates in the play of their joints
 # Plays that are tried from here to the end of the range, a quarter apart: the valley of C about the
 # right one is as wide; chosen.
