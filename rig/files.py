@@ -56,8 +56,9 @@ def first_error_line(
     if fault["type"] == "missing":
         known = f"; known: {', '.join(names)}" if names else ""
         return f"key '{where}' is missing{known}"
-    if fault["type"] == "value_error":  # of a check of ours, which names the key itself
-        return str(fault["ctx"]["error"])
+    cause = fault.get("ctx", {}).get("error")
+    if isinstance(cause, ValueError):  # of a check of ours, which names the key itself
+        return str(cause)
     given = fault["input"]
     if isinstance(given, str | int | float):
         unit = where.rpartition("_")[2] if fault["type"] == "less_than_equal" else ""
