@@ -60,7 +60,7 @@ def make_set(
 
     logs: how many; those of an engine that is not installed are left out, and the result says so.
     jobs: processes (None: one per core). ValueError: `out` holds a set already, no log is asked
-    for. OSError: it cannot be written.
+    for. OSError: it cannot be written; nothing of the set is left then.
     """
     if logs < 1:
         raise ValueError(f"--logs {logs}: must be at least 1")
@@ -69,17 +69,28 @@ def make_set(
     cases = cases_of(logs, seed)
     here = [case for case in cases if case.engine in engines_here()]
     writable(out)
-    trials: dict[str, BlindTrial] = {}
-    progress("logs", 0, len(here))
-    calls = ((case, seed, out / CASES) for case in here)
-    for trial in results_of(make_case, calls, jobs=jobs):
-        trials[trial.name] = trial
-        progress("logs", len(trials), len(here))
-    digest = seal([trials[name] for name in sorted(trials)], out)
-    rules = (files("experiments") / "benchmark" / RULES).read_text(encoding="utf-8")
-    write_whole(out / RULES, rules.encode())
+    try:
+        digest = _sealed(here, seed, out, jobs, progress)
+    except BaseException:  # half a set would only stand in the way of the next
+        shutil.rmtree(out / CASES, ignore_errors=True)
+        raise
     size = sum(file.stat().st_size for file in (out / CASES).rglob("*") if file.is_file())
     return MadeSet(digest, len(here), size, _left_out(len(cases) - len(here)))
+
+
+def _sealed(
+    cases: list[Case], seed: int, out: Path, jobs: int | None, progress: ProgressCall
+) -> str:
+    """Make these cases, their rules and the seal in `out`; the hash of their truth."""
+    trials: dict[str, BlindTrial] = {}
+    progress("logs", 0, len(cases))
+    calls = ((case, seed, out / CASES) for case in cases)
+    for trial in results_of(make_case, calls, jobs=jobs):
+        trials[trial.name] = trial
+        progress("logs", len(trials), len(cases))
+    rules = (files("experiments") / "benchmark" / RULES).read_text(encoding="utf-8")
+    write_whole(out / RULES, rules.encode())
+    return seal([trials[name] for name in sorted(trials)], out)
 
 
 def _left_out(logs: int) -> str:

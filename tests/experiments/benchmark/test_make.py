@@ -48,6 +48,27 @@ def test_the_same_seed_gives_the_same_bytes(made: Path, tmp_path: Path, monkeypa
         make_set(made, seed=3, logs=LOGS, jobs=1)
 
 
+@pytest.mark.parametrize("failure", [OSError(28, "No space left on device"), KeyboardInterrupt()])
+def test_half_a_set_stands_in_the_way_of_no_other(failure, tmp_path: Path, monkeypatch):
+    """Of a full disk or Ctrl-C nothing is left that `make` would refuse to go over."""
+    monkeypatch.setattr(making, "engines_here", lambda: {"foreign": 1})
+    written, write = [], making.write_log
+
+    def fails(log, path: Path) -> None:
+        write(log, path)
+        written.append(path)
+        if len(written) == 2:
+            raise failure
+
+    with monkeypatch.context() as full:
+        full.setattr(making, "write_log", fails)
+        with pytest.raises(type(failure)):
+            make_set(tmp_path, seed=3, logs=LOGS, jobs=1)
+    assert len(written) == 2
+    assert list(tmp_path.iterdir()) == []
+    assert make_set(tmp_path, seed=3, logs=LOGS, jobs=1).logs > 0
+
+
 def test_what_is_handed_out_tells_nothing_of_the_truth(made: Path):
     """Names, seeds and hidden numbers stand below sealed/ alone; the metadata are empty."""
     trials = truth_of(made)
