@@ -16,6 +16,7 @@ from math import cos, isfinite, pi, sin, tanh
 import numpy as np
 
 from rig.compiled import compiled
+from rig.section import Finite
 
 BALL_SPEED_M_S, SERVO_SPEED_RAD_S, SERVO_ANGLE_RAD = 0.01, 0.05, pi / 6
 ZERO = (0.0, 0.0)
@@ -32,24 +33,24 @@ class Discrepancy:
     `*_segment` acts. ValueError: a tuple of another length, a number that is not finite.
     """
 
-    ball_map_x: tuple[float, ...] = ZERO_16  # row i * 4 + j of T_i(x/h) T_j(y/h)
-    ball_map_y: tuple[float, ...] = ZERO_16
-    ball_speed_x: tuple[float, ...] = ZERO_4
-    ball_speed_y: tuple[float, ...] = ZERO_4
-    ball_rhythm_x: tuple[float, ...] = ZERO  # sine, cosine
-    ball_rhythm_y: tuple[float, ...] = ZERO
-    ball_rhythm_hz: float = 0.0
-    ball_segment: tuple[float, ...] = ZERO  # x, y
-    ball_segment_s: tuple[float, ...] = ZERO  # from, to
-    servo_map_x: tuple[float, ...] = ZERO_4
-    servo_map_y: tuple[float, ...] = ZERO_4
-    servo_speed_x: tuple[float, ...] = ZERO_4
-    servo_speed_y: tuple[float, ...] = ZERO_4
-    servo_rhythm_x: tuple[float, ...] = ZERO
-    servo_rhythm_y: tuple[float, ...] = ZERO
-    servo_rhythm_hz: float = 0.0
-    servo_segment: tuple[float, ...] = ZERO
-    servo_segment_s: tuple[float, ...] = ZERO
+    ball_map_x: tuple[Finite, ...] = ZERO_16  # row i * 4 + j of T_i(x/h) T_j(y/h)
+    ball_map_y: tuple[Finite, ...] = ZERO_16
+    ball_speed_x: tuple[Finite, ...] = ZERO_4
+    ball_speed_y: tuple[Finite, ...] = ZERO_4
+    ball_rhythm_x: tuple[Finite, ...] = ZERO  # sine, cosine
+    ball_rhythm_y: tuple[Finite, ...] = ZERO
+    ball_rhythm_hz: Finite = 0.0
+    ball_segment: tuple[Finite, ...] = ZERO  # x, y
+    ball_segment_s: tuple[Finite, ...] = ZERO  # from, to
+    servo_map_x: tuple[Finite, ...] = ZERO_4
+    servo_map_y: tuple[Finite, ...] = ZERO_4
+    servo_speed_x: tuple[Finite, ...] = ZERO_4
+    servo_speed_y: tuple[Finite, ...] = ZERO_4
+    servo_rhythm_x: tuple[Finite, ...] = ZERO
+    servo_rhythm_y: tuple[Finite, ...] = ZERO
+    servo_rhythm_hz: Finite = 0.0
+    servo_segment: tuple[Finite, ...] = ZERO
+    servo_segment_s: tuple[Finite, ...] = ZERO
 
     def __post_init__(self) -> None:
         for f in fields(self):

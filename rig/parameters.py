@@ -258,12 +258,12 @@ class TableChoice:
     token_file: str = ""
     camera: str = ""
     calibration: str = ""
-    amplifier_gain: float = 1.0
+    amplifier_gain: Finite = 1.0
     card_options: str = ""
     ids: tuple[int, ...] = ()
-    trim_rad: tuple[float, ...] = ()
-    pulse_us_per_rad: tuple[float, ...] = ()
-    pulse_range_us: tuple[float, float] = (1000.0, 2000.0)
+    trim_rad: tuple[Finite, ...] = ()
+    pulse_us_per_rad: tuple[Finite, ...] = ()
+    pulse_range_us: tuple[Finite, Finite] = (1000.0, 2000.0)
     swap: bool = False
     crossed: bool = False
     sign_volts: tuple[int, ...] = ()

@@ -13,7 +13,7 @@ NotNegative = Annotated[Finite, Ge(0)]
 Positive = Annotated[Finite, Gt(0)]
 Share = Annotated[Finite, Interval(ge=0, le=1)]
 # What no such table exceeds or falls below, so that a number in millimetres, grams or milliseconds
-# is refused: chosen, ten times what people build, and a tenth of a ball of 2 mm.
+# is refused: chosen, ten times what people build, and a tenth of the radius of a ball of 2 mm.
 Length = Annotated[Finite, Interval(gt=1e-4, le=5)]  # m
 Size = Annotated[Finite, Interval(ge=0, le=5)]  # m; 0: none
 Mass = Annotated[Finite, Interval(gt=1e-6, le=10)]  # kg

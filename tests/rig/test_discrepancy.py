@@ -116,6 +116,7 @@ def test_it_lives_in_the_rig_file_and_controllers_do_not_see_it(tmp_path: Path):
     for line, words in (
         ("ball_speed_x = [1.0]", "unknown.ball_speed_x has 1 numbers; it needs 4"),
         ("ball_rhythm_hz = inf", "unknown.ball_rhythm_hz = inf: must be finite"),
+        ("ball_rhythm_hz = true", "unknown.ball_rhythm_hz = True: Input should be a valid number"),
         ("servo_rhythm_x = [nan, 0.0]", "unknown.servo_rhythm_x = (nan, 0.0): must be finite"),
     ):
         bad.write_text(f"[unknown]\n{line}\n")

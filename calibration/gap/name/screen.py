@@ -260,13 +260,13 @@ def _fitted_from_reset(
     name: str,
     output: str,
     start: ParameterFit,
-    keys: Iterable[str],
+    keys: Collection[str],
 ) -> Screened | None:
     """An effect of an output fitted from a start that sets K and tau anew, and the noise estimated
     beside it; None: no gain, or none before that, which takes long."""
     begun = replace(state, evidence=evidence, fit=start, named=(*state.named, (name, output[-1])))
     done = refit(begun, begun.bounds((output,)), iterations=3)
-    if not penalised_gain(fall_of_cost(state, done, (output,)), len(list(keys))) > 0.0:
+    if not penalised_gain(fall_of_cost(state, done, (output,)), len(keys)) > 0.0:
         return None
     done = settle(done, (output,))
     gain = fall_of_cost(state, done, (output,))
