@@ -7,34 +7,38 @@ from dataclasses import dataclass
 from experiments.importing.units import canonical, quantity
 
 WORDS = {
-    "time": "t time zeit tempo temps tiempo tid timestamp stamp clock elapsed tout date datetime "
-    "millis micros",
+    "time": "t time zeit tempo temps tiempo tid tijd timestamp stamp clock elapsed tout date "
+    "datetime millis micros",
     "ball": "xb yb obj object ball kugel palla bille balle bola bal kula marble sphere blob "
     "centroid pelota esfera balón bolita",
-    "place": "pos position posizione posicion posición posicao posição lage ort point xy pv",
+    "place": "pos position posizione posicion posición posicao posição positie lage ort point "
+    "xy pv",
     "target": "target setpoint sp ref reference desired des soll goal want wanted sollwert rif "
-    "objetivo consigna consigne alvo",
+    "objetivo consigna consigne alvo referencia referência referentie doel gewenst gewenste "
+    "desejado desejada",
     "angle": "angle theta servo tilt winkel alpha beta roll pitch arm joint phi angolo platte "
     "plate plat actuator stepper angulo ángulo ângulo brazo placa plateau servomotor rotation "
-    "rotazione rotacion rotación",
+    "rotazione rotacion rotación hoek plaat",
     "command": "set cmd mv command commanded action out output ctrl control actuate actuated "
-    "applied stellgroesse comando commande mando orden",
+    "applied stellgroesse comando commande mando orden saida saída uitgang",
     "measured": "meas measured actual act ist enc encoder feedback present state real fb joint "
-    "imu mpu inclinometer",
-    "voltage": "volt volts voltage vm spannung tension tensión tensione voltaje tensao tensão",
+    "imu mpu inclinometer gemeten medido medida",
+    "voltage": "volt volts voltage vm spannung tension tensión tensione voltaje tensao tensão "
+    "spanning",
     "share": "pwm duty dutycycle",
-    "current": "current amp amps strom im corrente",
+    "current": "current amp amps strom stroom im corrente",
     "speed": "speed vel velocity omega gyro dot rpm geschwindigkeit velocita velocidad vitesse "
-    "velocidade tacho tach rate",
+    "velocidade snelheid tacho tach rate",
     "derived": "filtered filt est estimated estimate estimator kalman kf pred predicted smooth "
     "smoothed hat lpf model sim",
-    "other": "error err fehler errore integral gain kp ki kd temperature temp battery loop fps "
-    "count counter index frame id seq sequence nr covariance cov radius area conf confidence "
-    "score reward done torque effort force moment load current_draw trim bias "
+    "other": "error err fehler errore erro fout integral gain kp ki kd temperature temp battery "
+    "loop fps count counter index frame id seq sequence nr covariance cov radius area conf "
+    "confidence score reward done torque effort force moment load current_draw trim bias "
     "vx vy xdot ydot mps mmps cmps",
     "motor": "motor",
     "seen": "detected found visible seen valid tracked erkannt gefunden sichtbar gueltig "
-    "gültig detecte detecté détecté trouve trouvé trovato visto valido detectado encontrado",
+    "gültig detecte detecté détecté trouve trouvé trovato visto valido detectado encontrado "
+    "gezien gevonden",
 }
 _ROLES = {word: role for role, words in WORDS.items() for word in words.split()}
 _AXES = {

@@ -61,11 +61,15 @@ def _clock(draft: Draft) -> None:
 
 
 def _time_column(draft: Draft) -> str | None:
-    """The column that is the time: by name, else the first that grows like a clock."""
+    """The column that is the time: by name, by unit, or the first that grows like a clock."""
     growing = [name for name, values in draft.stream.columns.items() if _grows(values)]
     named = [name for name in growing if draft.hints[name].role == "time"]
     if named:
         return named[0]
+    by_unit = [name for name in growing if draft.hints[name].unit in FACTORS["time"]]
+    by_unit = [name for name in by_unit if _even(draft.stream.columns[name])]
+    if by_unit:
+        return by_unit[0]
     nameless = [name for name in growing if draft.hints[name].role is None]
     nameless = [
         name

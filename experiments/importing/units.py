@@ -36,7 +36,7 @@ _SPELLED = {
     "px": "px pix pxl pixel pixels",
     "rad": "rad rads radian radians",
     "mrad": "mrad milliradians",
-    "deg": "deg degs degree degrees ° grad. gradi grados degrés graus",
+    "deg": "deg degs degree degrees ° grad. gradi grados degrés graus graden",
     "turn": "turn turns rev revs revolution",
     "rad/s": "rad/s rads/s rad/sec radps rad_s rad_per_s",
     "deg/s": "deg/s °/s degps dps deg/sec deg_s deg_per_s",

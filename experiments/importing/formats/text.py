@@ -1,4 +1,5 @@
-"""Read tables of text: any separator, decimal comma, preamble, row of units, names or none."""
+"""Read tables of text: any separator, decimal comma, preamble, row of units, names or none; names
+at each number."""
 
 import codecs
 import csv
@@ -11,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from experiments.importing.formats.decimals import NumberColumn, is_number
+from experiments.importing.formats.labelled import is_labelled, unlabelled
 from experiments.importing.recording import (
     MAX_COLUMNS,
     TWICE,
@@ -51,6 +53,9 @@ def _table(lines: Iterator[str]) -> Stream:
     head = list(islice(lines, PREAMBLE_LINES))
     if not head:
         raise BadFileError("it is empty")
+    if is_labelled(head):
+        lines = unlabelled(chain(head, lines))
+        head = list(islice(lines, PREAMBLE_LINES))
     separator, first = _layout(head)
     cells = _cells(chain(head[first:], lines), separator)
     begin = list(islice(cells, PREAMBLE_LINES))

@@ -1,0 +1,38 @@
+"""Lines that name each number, as a serial plotter's: `t:20, x:12.5, servo x = 91`."""
+
+import re
+from collections.abc import Iterator, Sequence
+
+_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?(?:nan|inf|NaN|Inf|NAN|INF)"
+_PAIR = re.compile(rf"[\s,;|]*([^\W\d][^:=,;|]*?)\s*[:=]\s*({_NUMBER})(?=[\s,;|]|$)")
+MIN_SHARE = 0.8  # of a file's first lines that have to be labelled; chosen: a boot message is none
+
+
+def is_labelled(head: Sequence[str]) -> bool:
+    """Whether these lines, the first of a file, name each of their two or more numbers."""
+    return sum(len(_pairs(line)) > 1 for line in head) >= MIN_SHARE * len(head)
+
+
+def unlabelled(lines: Iterator[str]) -> Iterator[str]:
+    """The table that labelled lines are: their names, then their numbers, with tabs between.
+
+    Lines with other names than the first of them become one cell: they are not as wide as it.
+    """
+    names: tuple[str, ...] = ()
+    for line in lines:
+        pairs = _pairs(line)
+        said = tuple(name for name, _ in pairs)
+        if not names and said:
+            names = said
+            yield "\t".join(names)
+        yield "\t".join(number for _, number in pairs) if said == names and names else "?"
+
+
+def _pairs(line: str) -> list[tuple[str, str]]:
+    """The names and numbers of a line; none where anything else stands in it."""
+    found, at = [], 0
+    text = line.strip()
+    while match := _PAIR.match(text, at):
+        found.append((match[1], match[2]))
+        at = match.end()
+    return found if at and not text[at:].strip(" ,;|\t") else []
