@@ -7,12 +7,10 @@ on one clock for all topics: `TOPIC.time`. A message's own stamp is a column of 
 
 import json
 import os
-from array import array
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from functools import partial
 from io import BytesIO
-from math import nan
 from pathlib import Path
 from typing import IO, Any
 
@@ -20,51 +18,20 @@ import numpy as np
 
 from experiments.importing.formats.bag_folder import Span, bag_files, check_spans, extremes
 from experiments.importing.formats.extra import library
+from experiments.importing.formats.messages import Topic, numbers
 from experiments.importing.recording import (
     MAX_CELLS,
-    MAX_COLUMNS,
     BadFileError,
     Stream,
     check_size,
 )
 from experiments.records.unpacking import unpacked
 
-MAX_WIDTH = 64  # chosen: a longer array in a message is a picture or a point cloud
-MAX_DEPTH = 8
 # Bytes of a message that is decoded, which may take a hundred times as many; chosen: a longer one
 # is a picture or a point cloud.
 LONGEST_MESSAGE = 1 << 18
 MAGIC = b"\x89MCAP0\r\n"  # a file that was not cut off ends with it, too
 PLAIN_CDR = (b"\0\0", b"\0\1")  # a message's first two bytes: high byte first, low byte first
-OF_JOINTS = ("position", "velocity", "effort")  # of JointState: one number a name
-
-
-class Topic:
-    """The numbers of a topic's messages, a column a path, eight bytes each; `len`: messages."""
-
-    def __init__(self) -> None:
-        self.columns: dict[str, array[float]] = {}
-        self.log_time_ns = array("Q")
-
-    def __len__(self) -> int:
-        """Return the number of messages."""
-        return len(self.log_time_ns)
-
-    def append(self, log_time_ns: int, row: Mapping[str, float]) -> None:
-        """Append a message. BadFileError: its fields make too many columns."""
-        before = len(self)
-        self.log_time_ns.append(log_time_ns)
-        for name, value in row.items():
-            column = self.columns.setdefault(name, array("d"))
-            column.extend([nan] * (before - len(column)))
-            column.append(value)
-        if len(self.columns) > MAX_COLUMNS:
-            check_size(1, len(self.columns))
-
-    def column(self, name: str) -> np.ndarray:
-        """Return a column (n,), NaN where a message lacks the field."""
-        found = np.frombuffer(self.columns[name])
-        return np.concatenate([found, np.full(len(self) - len(found), nan)])
 
 
 Topics = dict[str, Topic]
@@ -187,7 +154,7 @@ def _decode(messages: Iterable[Any], topics: Topics, foreign: dict[str, str]) ->
         decode = decoders[channel.id]
         if decode is None or len(message.data) > LONGEST_MESSAGE:
             continue
-        row = dict(_numbers("", decode(message.data), 0))
+        row = dict(numbers("", decode(message.data), 0))
         cells += len(row)
         if cells > MAX_CELLS:
             check_size(cells, 1)
@@ -211,52 +178,6 @@ def _plain_cdr(decode: Any, data: bytes) -> Any:
     if data[:2] not in PLAIN_CDR:
         raise BadFileError(f"its messages are encoded as 0x{data[:2].hex()}, not as plain CDR")
     return decode(data)
-
-
-def _fields(message: Any) -> dict[str, Any] | None:
-    """Fields of a message by name, whatever decoded it; None where it is no message."""
-    if isinstance(message, dict):
-        return message
-    if hasattr(message, "DESCRIPTOR"):
-        return {field.name: getattr(message, field.name) for field in message.DESCRIPTOR.fields}
-    names = getattr(message, "__slots__", None) or getattr(message, "__dict__", {})
-    return {name: getattr(message, name) for name in names if not name.startswith("_")} or None
-
-
-def _numbers(name: str, value: Any, depth: int) -> Iterator[tuple[str, float]]:
-    """Yield the numbers of a message with their paths; joints are called by their names."""
-    if isinstance(value, bool | int | float | np.number):
-        yield name, float(value)
-    elif isinstance(value, str | bytes | bytearray) or value is None or depth > MAX_DEPTH:
-        return
-    elif hasattr(value, "__len__") and not isinstance(value, dict):
-        if len(value) <= MAX_WIDTH:
-            for i, one in enumerate(value):
-                yield from _numbers(f"{name}[{i}]", one, depth + 1)
-    else:
-        fields = _fields(value) or {}
-        if set(fields) == {"sec", "nanosec"}:
-            yield name, fields["sec"] + 1e-9 * fields["nanosec"]
-            return
-        joints = fields.get("name")
-        for key, one in fields.items():
-            path = f"{name}.{key}" if name else key
-            if key in OF_JOINTS and isinstance(joints, list | tuple) and _matches(joints, one):
-                for joint, number in zip(joints, one, strict=True):
-                    yield f"{path}.{joint}", float(number)
-            else:
-                yield from _numbers(path, one, depth + 1)
-
-
-def _matches(joints: Any, values: Any) -> bool:
-    """Whether `values` are numbers, one for each of the names `joints` (as in JointState)."""
-    return (
-        hasattr(values, "__len__")
-        and not isinstance(values, str | bytes | dict)
-        and 0 < len(joints) == len(values)
-        and all(isinstance(joint, str) for joint in joints)
-        and all(isinstance(one, int | float | np.number) for one in values)
-    )
 
 
 def _stream(name: str, topic: Topic, notes: Sequence[str]) -> Stream:
