@@ -26,7 +26,8 @@ def import_(
         list[Path],
         typer.Argument(
             metavar="FILE...",
-            help="CSV, text, MAT, TDMS, Parquet, MCAP; folder of a LeRobot set or ROS 2 bag.",
+            help="CSV, text, JSON Lines, MAT, TDMS, Parquet, MCAP; folder of a "
+            "LeRobot set or ROS 2 bag.",
         ),
     ],
     out: Annotated[Path, typer.Option("--out", help="Log: .csv, .parquet or .mat.")],

@@ -7,6 +7,7 @@ on one clock for all topics: `TOPIC.time`. A message's own stamp is a column of 
 
 import json
 import os
+from array import array
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from functools import partial
@@ -18,7 +19,7 @@ import numpy as np
 
 from experiments.importing.formats.bag_folder import Span, bag_files, check_spans, extremes
 from experiments.importing.formats.extra import library
-from experiments.importing.formats.messages import Topic, numbers
+from experiments.importing.formats.messages import Columns, numbers
 from experiments.importing.recording import (
     MAX_CELLS,
     BadFileError,
@@ -32,6 +33,14 @@ from experiments.records.unpacking import unpacked
 LONGEST_MESSAGE = 1 << 18
 MAGIC = b"\x89MCAP0\r\n"  # a file that was not cut off ends with it, too
 PLAIN_CDR = (b"\0\0", b"\0\1")  # a message's first two bytes: high byte first, low byte first
+
+
+class Topic(Columns):
+    """The numbers of a topic's messages, and when each was written."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.log_time_ns = array("Q")
 
 
 Topics = dict[str, Topic]
@@ -158,7 +167,9 @@ def _decode(messages: Iterable[Any], topics: Topics, foreign: dict[str, str]) ->
         cells += len(row)
         if cells > MAX_CELLS:
             check_size(cells, 1)
-        topics.setdefault(channel.topic, Topic()).append(message.log_time, row)
+        topic = topics.setdefault(channel.topic, Topic())
+        topic.log_time_ns.append(message.log_time)
+        topic.append(row)
 
 
 def _decoder(channel: Any, schema: Any) -> Any:

@@ -6,6 +6,7 @@ import numpy as np
 
 from experiments.importing.formats.bag_folder import is_bag
 from experiments.importing.formats.bags import read_bag
+from experiments.importing.formats.json_lines import read_json_lines
 from experiments.importing.formats.matlab import read_matlab
 from experiments.importing.formats.numpy_files import read_npy, read_npz
 from experiments.importing.formats.tables import read_lerobot, read_parquet
@@ -24,6 +25,8 @@ READERS = {
     ".dat": read_text,
     ".log": read_text,
     ".lvm": read_text,
+    ".jsonl": read_json_lines,
+    ".ndjson": read_json_lines,
     ".mat": read_matlab,
     ".npz": read_npz,
     ".npy": read_npy,

@@ -14,25 +14,24 @@ MAX_DEPTH = 8
 OF_JOINTS = ("position", "velocity", "effort")  # of JointState: one number a name
 
 
-class Topic:
-    """The numbers of a topic's messages, a column a path, eight bytes each; `len`: messages."""
+class Columns:
+    """The numbers of messages, a column a path, eight bytes each; `len`: messages."""
 
     def __init__(self) -> None:
         self.columns: dict[str, array[float]] = {}
-        self.log_time_ns = array("Q")
+        self._count = 0
 
     def __len__(self) -> int:
         """Return the number of messages."""
-        return len(self.log_time_ns)
+        return self._count
 
-    def append(self, log_time_ns: int, row: Mapping[str, float]) -> None:
+    def append(self, row: Mapping[str, float]) -> None:
         """Append a message. BadFileError: its fields make too many columns."""
-        before = len(self)
-        self.log_time_ns.append(log_time_ns)
         for name, value in row.items():
             column = self.columns.setdefault(name, array("d"))
-            column.extend([nan] * (before - len(column)))
+            column.extend([nan] * (self._count - len(column)))
             column.append(value)
+        self._count += 1
         if len(self.columns) > MAX_COLUMNS:
             check_size(1, len(self.columns))
 
@@ -54,8 +53,9 @@ def numbers(name: str, value: Any, depth: int) -> Iterator[tuple[str, float]]:
                 yield from numbers(f"{name}[{i}]", one, depth + 1)
     else:
         fields = _fields(value) or {}
-        if set(fields) == {"sec", "nanosec"}:
-            yield name, fields["sec"] + 1e-9 * fields["nanosec"]
+        whole, part = fields.get("sec"), fields.get("nanosec")
+        if len(fields) == 2 and isinstance(whole, int) and isinstance(part, int):
+            yield name, whole + 1e-9 * part
             return
         joints = fields.get("name")
         for key, one in fields.items():

@@ -9,8 +9,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from itertools import chain, islice
 from pathlib import Path
 
-import numpy as np
-
+from experiments.importing.formats.clock_text import clock_seconds, is_clock
 from experiments.importing.formats.decimals import NumberColumn, is_number
 from experiments.importing.formats.labelled import is_labelled, unlabelled
 from experiments.importing.recording import (
@@ -25,7 +24,6 @@ from experiments.records.csv_files import blocks_of, lines_of
 SEPARATORS = (" ", ",", "|", "\t", ";")  # the later, the less likely to mean anything else
 PREAMBLE_LINES = 200  # chosen: LabVIEW's longest headers have some thirty lines
 MAX_BYTES = 1_000_000_000
-_CLOCK = re.compile(r"\s*(?:(\d{4}-\d\d-\d\d)[T ])?(\d{1,2}):(\d\d):(\d\d(?:[.,]\d+)?)\s*Z?\s*")
 _UNIT_CELL = re.compile(r"[\[(]?\s*[A-Za-zµμ°%/0-9^*·\s-]{0,12}\s*[\])]?")
 
 
@@ -72,7 +70,7 @@ def _table(lines: Iterator[str]) -> Stream:
         for one, column in zip(found, zip(*rows, strict=True), strict=bool(rows)):
             if _is_clock(column):
                 clocks.add(one.name)
-                one.add(map(_seconds, column))
+                one.add(map(clock_seconds, column))
             else:
                 one.extend(column)
     lost = count - read
@@ -163,12 +161,12 @@ def _mostly_numbers(cells: Sequence[str]) -> bool:
 def _several_numbers(cell: str) -> bool:
     """Whether a cell holds numbers with another separator between them."""
     parts = re.split(r"[;|\s]+", cell.strip())
-    whole = _CLOCK.fullmatch(cell) is not None
+    whole = is_clock(cell)
     return len(parts) > 1 and not whole and all(map(_is_number, parts))
 
 
 def _is_number(cell: str) -> bool:
-    return is_number(cell) or bool(_CLOCK.fullmatch(cell))
+    return is_number(cell) or is_clock(cell)
 
 
 def _header(before: Sequence[Sequence[str]], width: int) -> tuple[list[str], dict[str, str]]:
@@ -194,19 +192,4 @@ def _header(before: Sequence[Sequence[str]], width: int) -> tuple[list[str], dic
 
 def _is_clock(cells: Sequence[str]) -> bool:
     """Whether a column holds times of day, which are read as seconds."""
-    return any(_CLOCK.fullmatch(cell) for cell in cells[:100])
-
-
-def _seconds(cell: str) -> float:
-    """Seconds of a date with time (since 1970), or of a time of day (since midnight)."""
-    match = _CLOCK.fullmatch(cell)
-    if not match:
-        return np.nan
-    day, hours, minutes, seconds = match.groups()
-    since = 0.0
-    if day:
-        try:
-            since = np.datetime64(day, "s").astype(np.int64)
-        except ValueError:
-            return np.nan
-    return float(since) + 3600 * int(hours) + 60 * int(minutes) + float(seconds.replace(",", "."))
+    return any(map(is_clock, cells[:100]))
