@@ -88,7 +88,8 @@ def read_protocol(name: str) -> Protocol:
     path = Path(name)
     if path.suffix == ".toml":
         if not path.is_file():
-            raise ValueError(f"protocol file {path} not found; shipped: {', '.join(shipped())}")
+            why = "is no ordinary file" if path.exists() else "not found"
+            raise ValueError(f"protocol file {path} {why}; shipped: {', '.join(shipped())}")
         source, label = path, str(path)
     elif name in shipped():
         source, label = Path(str(files("experiments"))) / "protocols" / f"{name}.toml", name

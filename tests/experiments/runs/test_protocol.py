@@ -89,11 +89,15 @@ def test_a_mistake_is_one_clear_line(tmp_path: Path, text: str, words: list[str]
         assert word in str(caught.value)
 
 
-def test_unknown_names_list_the_known_ones():
+def test_unknown_names_list_the_known_ones(tmp_path: Path):
     with pytest.raises(ValueError, match="free-release"):
         read_protocol("freerelease")
     with pytest.raises(ValueError, match="not found"):
         read_protocol("nowhere.toml")
+    folder = tmp_path / "folder.toml"
+    folder.mkdir()
+    with pytest.raises(ValueError, match="no ordinary file"):
+        read_protocol(str(folder))
 
 
 def test_a_start_off_the_plate_is_refused():
