@@ -1,10 +1,13 @@
-"""Lines that name each number, as a serial plotter's: `t:20, x:12.5, servo x = 91`."""
+"""Lines that name each number, as a serial plotter's: `t:20, x:12.5, servo x = 91 deg`."""
 
 import re
 from collections.abc import Iterator, Sequence
 
+from experiments.importing.units import canonical
+
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?(?:nan|inf|NaN|Inf|NAN|INF)"
-_PAIR = re.compile(rf"[\s,;|]*([^\W\d][^:=,;|]*?)\s*[:=]\s*({_NUMBER})(?=[\s,;|]|$)")
+_PAIR = re.compile(rf"[\s,;|]*([^\W\d][^:=,;|]{{0,63}})[:=]\s*({_NUMBER})(?![\d.])")
+_UNIT = re.compile(r"\s*([^\W\d]{1,12}(?:/[^\W\d]{1,3})?|°|%)(?=[\s,;|]|$)(?!\s*[:=])")
 MIN_SHARE = 0.8  # of a file's first lines that have to be labelled; chosen: a boot message is none
 
 
@@ -29,10 +32,16 @@ def unlabelled(lines: Iterator[str]) -> Iterator[str]:
 
 
 def _pairs(line: str) -> list[tuple[str, str]]:
-    """The names and numbers of a line; none where anything else stands in it."""
+    """The names, with a unit behind the number as `x [mm]`, and numbers of a line; none where
+    anything else stands in it."""
     found, at = [], 0
     text = line.strip()
     while match := _PAIR.match(text, at):
-        found.append((match[1], match[2]))
-        at = match.end()
-    return found if at and not text[at:].strip(" ,;|\t") else []
+        name, at = match[1].rstrip(), match.end()
+        unit = _UNIT.match(text, at)
+        if unit and canonical(unit[1]):
+            name, at = f"{name} [{unit[1]}]", unit.end()
+        if at < len(text) and text[at] not in " ,;|\t":
+            return []
+        found.append((name, match[2]))
+    return found if not text[at:].strip(" ,;|\t") else []

@@ -44,6 +44,34 @@ def test_words_within_names_and_numbers_with_exponents(tmp_path: Path):
     np.testing.assert_allclose(stream.columns["Servo Y [deg]"], Y_MM, rtol=1e-3, atol=1e-6)
 
 
+@pytest.mark.parametrize("line", ["t: {t:.0f} ms, x: {x:.2f} mm, a = {y:.2f}°\n",
+                                  "t={t:.0f}ms x={x:.2f}mm a={y:.2f}°\r\n"])  # fmt: skip
+def test_a_unit_behind_a_number_is_its_columns(line: str, tmp_path: Path):
+    (stream,) = read_text(written(tmp_path / "log.txt", line))
+    assert list(stream.columns) == ["t [ms]", "x [mm]", "a [°]"]
+    np.testing.assert_allclose(stream.columns["x [mm]"], X_MM, atol=0.006)
+
+
+def test_a_long_line_of_blanks_does_not_hold_it_up(tmp_path: Path):
+    path = tmp_path / "log.txt"
+    path.write_text(("a" + " " * 1_000_000 + "b\n") * 3)
+    with pytest.raises(BadFileError, match="1000001 columns"):
+        read_text(path)
+
+
+def test_a_name_that_is_a_unit_is_a_name(tmp_path: Path):
+    (stream,) = read_text(written(tmp_path / "log.txt", "t={t:.0f} m = {x:.2f} s={y:.2f}\n"))
+    assert list(stream.columns) == ["t", "m", "s"]
+
+
+@pytest.mark.parametrize("line", ["t:1 ball lost\n", "x=1.2.3 y=4\n", "mode: run, x: 1\n"])
+def test_lines_with_anything_else_are_no_rows(line: str, tmp_path: Path):
+    path = tmp_path / "log.txt"
+    path.write_text(line * 30)
+    with pytest.raises(BadFileError, match="no rows of numbers"):
+        read_text(path)
+
+
 def test_a_line_that_names_others_is_left_out_and_told(tmp_path: Path):
     path = written(tmp_path / "log.txt", "t:{t:.0f},x:{x:.2f},y:{y:.2f}\n")
     lines = path.read_text().splitlines()
