@@ -11,6 +11,7 @@ MAX_COLUMNS = (
 MAX_VALUE = 1e20  # a date in nanoseconds is 2e18
 MAX_CELLS = 100_000_000  # chosen: 800 MB as doubles, a day of ten signals at 100 Hz
 MIN_ROWS = 20  # fewer say nothing: `rig gap` needs so many
+MAX_LOST = 0.01  # chosen: share of lines that a serial port garbles
 TWICE = "a column's name stands twice: {}; rename one of them"
 
 
@@ -86,6 +87,12 @@ def check_size(rows: int, columns: int) -> None:
         raise BadFileError(
             f"it has {rows} rows of {columns} columns (limit: {MAX_CELLS} cells): cut it into parts"
         )
+
+
+def too_many(lost: int, count: int) -> bool:
+    """Whether more lines of `count` are no rows than a file may have: one (a last line that was cut
+    off), or MAX_LOST of them."""
+    return lost > max(1, MAX_LOST * count)
 
 
 def joined(streams: Sequence[Stream]) -> Recording:

@@ -1,8 +1,10 @@
 """Lines that name each number, as a serial plotter's: `t:20, x:12.5, servo x = 91 deg`."""
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Sequence
 
+from experiments.importing.formats.messages import messages_of_lines
+from experiments.importing.recording import TWICE, BadFileError, Stream
 from experiments.importing.units import canonical
 
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?(?:nan|inf|NaN|Inf|NAN|INF)"
@@ -16,19 +18,19 @@ def is_labelled(head: Sequence[str]) -> bool:
     return sum(len(_pairs(line)) > 1 for line in head) >= MIN_SHARE * len(head)
 
 
-def unlabelled(lines: Iterator[str]) -> Iterator[str]:
-    """The table that labelled lines are: their names, then their numbers, with tabs between.
+def labelled(lines: Iterable[str]) -> Stream:
+    """The numbers of labelled lines, NaN where a line does not name one; errors and notes as of
+    `messages_of_lines`. BadFileError: a line has a name twice."""
+    return messages_of_lines(lines, _row, "names with a number each")
 
-    Lines with other names than the first of them become one cell: they are not as wide as it.
-    """
-    names: tuple[str, ...] = ()
-    for line in lines:
-        pairs = _pairs(line)
-        said = tuple(name for name, _ in pairs)
-        if not names and said:
-            names = said
-            yield "\t".join(names)
-        yield "\t".join(number for _, number in pairs) if said == names and names else "?"
+
+def _row(line: str) -> dict[str, float] | None:
+    pairs = _pairs(line)
+    row = {name: float(number) for name, number in pairs}
+    if len(row) < len(pairs):
+        names = [name for name, _ in pairs]
+        raise BadFileError(TWICE.format(max(names, key=names.count)))
+    return row or None
 
 
 def _pairs(line: str) -> list[tuple[str, str]]:

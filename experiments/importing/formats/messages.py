@@ -1,16 +1,25 @@
 """The numbers of messages, whatever decoded them: a column a path."""
 
 from array import array
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from math import nan
 from typing import Any
 
 import numpy as np
 
-from experiments.importing.recording import MAX_COLUMNS, check_size
+from experiments.importing.recording import (
+    MAX_COLUMNS,
+    BadFileError,
+    Stream,
+    check_size,
+    too_many,
+)
 
 MAX_WIDTH = 64  # chosen: a longer array in a message is a picture or a point cloud
 MAX_DEPTH = 8
+MAX_LOST = (
+    0.01  # share of a file's lines that are no message; chosen: a last one that was cut off is
+)
 OF_JOINTS = ("position", "velocity", "effort")  # of JointState: one number a name
 
 
@@ -39,6 +48,34 @@ class Columns:
         """Return a column (n,), NaN where a message lacks the field."""
         found = np.frombuffer(self.columns[name])
         return np.concatenate([found, np.full(len(self) - len(found), nan)])
+
+
+def messages_of_lines(
+    lines: Iterable[str], row_of: Callable[[str], Mapping[str, float] | None], kind: str
+) -> Stream:
+    """The messages of lines, one a line, NaN where one lacks a field; blank lines are none.
+
+    row_of: a line's numbers by name, None where it is no message; kind: what a message is, in
+    words. Lines that are none are left out, which the stream's notes tell. BadFileError: there are
+    too many of those, or too many columns or cells, or no numbers.
+    """
+    found, lost = Columns(), 0
+    for line in lines:
+        if not line.strip():
+            continue
+        row = row_of(line)
+        if row is None:
+            lost += 1
+        else:
+            found.append(row)
+            check_size(len(found), len(found.columns))
+    count = len(found) + lost
+    if too_many(lost, count):
+        raise BadFileError(f"{lost} of {count} lines are not {kind}")
+    if not found.columns:
+        raise BadFileError(f"no numbers were found in it: every line has to be {kind}")
+    notes = (f"lines that are not {kind}, left out: {lost} of {count}",) if lost else ()
+    return Stream({name: found.column(name) for name in found.columns}, notes=notes)
 
 
 def numbers(name: str, value: Any, depth: int) -> Iterator[tuple[str, float]]:

@@ -1,5 +1,5 @@
-"""Read tables of text: any separator, decimal comma, preamble, row of units, names or none; names
-at each number."""
+"""Read tables of text: any separator, decimal comma, preamble, row of units, names or none; and
+lines that name each number."""
 
 import codecs
 import csv
@@ -11,13 +11,14 @@ from pathlib import Path
 
 from experiments.importing.formats.clock_text import clock_seconds, is_clock
 from experiments.importing.formats.decimals import NumberColumn, is_number
-from experiments.importing.formats.labelled import is_labelled, unlabelled
+from experiments.importing.formats.labelled import is_labelled, labelled
 from experiments.importing.recording import (
     MAX_COLUMNS,
     TWICE,
     BadFileError,
     Stream,
     check_size,
+    too_many,
 )
 from experiments.records.csv_files import blocks_of, lines_of
 
@@ -52,8 +53,7 @@ def _table(lines: Iterator[str]) -> Stream:
     if not head:
         raise BadFileError("it is empty")
     if is_labelled(head):
-        lines = unlabelled(chain(head, lines))
-        head = list(islice(lines, PREAMBLE_LINES))
+        return labelled(chain(head, lines))
     separator, first = _layout(head)
     cells = _cells(chain(head[first:], lines), separator)
     begin = list(islice(cells, PREAMBLE_LINES))
@@ -74,7 +74,7 @@ def _table(lines: Iterator[str]) -> Stream:
             else:
                 one.extend(column)
     lost = count - read
-    if lost > max(1, 0.01 * count):  # a last line that was cut off is normal
+    if too_many(lost, count):
         raise BadFileError(f"{lost} of {count} lines have not {width} cells")
     short = f"lines without {width} cells, left out: {lost} of {count}"
     units |= dict.fromkeys(sorted(clocks), "s")

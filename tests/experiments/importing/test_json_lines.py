@@ -38,6 +38,9 @@ def test_texts_that_are_times_are_seconds_and_others_nothing(tmp_path: Path):
     assert list(stream.columns) == ["at", "x"]
     assert stream.units == {"at": "s"}
     np.testing.assert_allclose(np.diff(stream.columns["at"]), 1.0)
+    (nested,) = read_json_lines(written(tmp_path, *({"header": row} for row in rows)))
+    assert nested.units == {"header.at": "s"}
+    np.testing.assert_array_equal(nested.columns["header.at"], stream.columns["at"])
 
 
 def test_a_stamp_of_ros_is_one_number_and_what_only_looks_like_it_is_none(tmp_path: Path):
@@ -56,7 +59,7 @@ def test_a_last_line_that_was_cut_off_is_left_out_and_told(tmp_path: Path):
     path = written(tmp_path, *({"t": k, "x": k} for k in range(50)), ending='{"t": 50, "x')
     (stream,) = read_json_lines(path)
     assert len(stream) == 50
-    assert stream.notes == ("lines that are no JSON object, left out: 1 of 51",)
+    assert stream.notes == ("lines that are not a JSON object, left out: 1 of 51",)
 
 
 @pytest.mark.parametrize(
@@ -65,7 +68,7 @@ def test_a_last_line_that_was_cut_off_is_left_out_and_told(tmp_path: Path):
         ("", "no numbers"),
         ("\n\n", "no numbers"),
         ('{"name": "a"}\n' * 9, "no numbers"),
-        ("[1, 2]\n" * 9, "9 of 9 lines are no JSON object"),
+        ("[1, 2]\n" * 9, "9 of 9 lines are not a JSON object"),
         ('{"a": 1}\nhello\nhello\n', "2 of 3 lines"),
         ("[" * 100_000 + "\n" + "1\n", "2 of 2 lines"),
         ('{"a": 1' + "0" * 400 + "}\n" + "1\n", "2 of 2 lines"),

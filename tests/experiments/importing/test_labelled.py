@@ -72,20 +72,32 @@ def test_lines_with_anything_else_are_no_rows(line: str, tmp_path: Path):
         read_text(path)
 
 
-def test_a_line_that_names_others_is_left_out_and_told(tmp_path: Path):
+def test_a_line_that_was_cut_off_is_left_out_and_told(tmp_path: Path):
     path = written(tmp_path / "log.txt", "t:{t:.0f},x:{x:.2f},y:{y:.2f}\n")
     lines = path.read_text().splitlines()
-    lines[7] = "t:140,x:1"
+    lines[7] = "t:140,x:"
     path.write_text("\n".join(lines) + "\n")
     (stream,) = read_text(path)
     assert len(stream.columns["t"]) == len(T_S) - 1
     assert "left out: 1" in stream.notes[0]
+    path.write_text("\n".join([*lines, *lines[7:8] * 20]) + "\n")
+    with pytest.raises(BadFileError, match="21 of 1020 lines"):
+        read_text(path)
 
 
-def test_where_half_of_them_name_others_the_file_is_refused(tmp_path: Path):
+def test_what_a_line_does_not_name_is_no_number_in_it(tmp_path: Path):
     path = tmp_path / "log.txt"
-    path.write_text("t:1,x:2\nt:1,y:2\n" * 50)
-    with pytest.raises(BadFileError, match="50 of 100 lines"):
+    path.write_text("t:1,x:2\ny:3,t:4\n" * 50)
+    (stream,) = read_text(path)
+    np.testing.assert_array_equal(stream.columns["t"], [1, 4] * 50)
+    np.testing.assert_array_equal(stream.columns["x"], [2, np.nan] * 50)
+    np.testing.assert_array_equal(stream.columns["y"], [np.nan, 3] * 50)
+
+
+def test_a_name_that_stands_twice_in_a_line_is_refused(tmp_path: Path):
+    path = tmp_path / "log.txt"
+    path.write_text("t:1,x:2,x:3\n" * 50)
+    with pytest.raises(BadFileError, match="stands twice: x"):
         read_text(path)
 
 

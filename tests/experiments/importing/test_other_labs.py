@@ -1,4 +1,4 @@
-"""Ten invented laboratories: what is proposed is right, and what a file does not tell is asked."""
+"""Invented laboratories: what is proposed is right, and what a file does not tell is asked."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Ten invented laboratories: each writes the same kind of run in its own format, names and units.
+"""Invented laboratories: each writes the same kind of run in its own format, names and units.
 
 `LABS`: name -> what writes the recording into a folder and returns its path and the truth.
 """
@@ -300,6 +300,59 @@ def appended(folder: Path, seed: int = 0):
     return path, Truth(first, ("command", "theta"))
 
 
+def plotter(folder: Path, seed: int = 0):
+    """A microcontroller's lines for a serial plotter: a boot message, a name and a unit with each
+    number, no ball's names where there is no ball."""
+    x, y = _pair(seed=seed, course_kind="squares")
+    balls = [1000 * _held(a.seen) for a in (x, y)]
+    lost = range(len(x.t) // 3, len(x.t) // 3 + 80)
+    lines = ["ball balancer, firmware 3"]
+    for k, t in enumerate(x.t):
+        servos = np.degrees([x.command[k], -y.command[k]]) + 90
+        said = [
+            f"t={1000 * t:.0f} ms",
+            *(f"servo {a} cmd = {s:.2f} deg" for a, s in zip("xy", servos, strict=True)),
+        ]
+        seen = [f"ball {a} = {b[k]:.2f}mm" for a, b in zip("xy", balls, strict=True)]
+        lines.append(", ".join(said if k in lost else said + seen))
+    path = folder / "serial.log"
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return path, Truth((x, y))
+
+
+def web(folder: Path, seed: int = 0):
+    """A web page's JSON Lines: times as texts, objects within objects, null for no ball."""
+    x, y = _pair(seed=seed, course_kind="wander")
+    lost = range(len(x.t) // 4, len(x.t) // 4 + 60)
+    places = [100 * _held(a.seen) for a in (x, y)]
+    path = folder / "session.jsonl"
+    with path.open("w", encoding="utf-8") as file:
+        for k, t in enumerate(x.t):
+            at = np.datetime64("2026-03-29T11:59:50", "us") + int(round(1e6 * t))
+            ball = {f"{a}_cm": round(p[k], 3) for a, p in zip("xy", places, strict=True)}
+            tilt = {"x": round(x.command[k], 5), "y": round(-y.command[k], 5), "unit": "rad"}
+            one = {"at": f"{at}Z", "ball": None if k in lost else ball, "tilt_cmd_rad": tilt}
+            file.write(json.dumps(one) + "\n")
+    return path, Truth((x, y))
+
+
+def dutch(folder: Path, seed: int = 0):
+    """Dutch names, tabs, decimal commas; the servo of y turns the other way."""
+    x, y = _pair(seed=seed, course_kind="squares")
+    columns = [x.t, *(100 * _held(a.seen) for a in (x, y))]
+    columns += [np.degrees(x.command), -np.degrees(y.command)]
+    names = (
+        "Tijd (s)",
+        "Bal X (cm)",
+        "Bal Y (cm)",
+        "Hoek X gewenst (graden)",
+        "Hoek Y gewenst (graden)",
+    )
+    return _write(folder / "meting.txt", "\t".join(names), columns, "\t", 3, comma=True), Truth(
+        (x, y)
+    )
+
+
 LABS = {
     one.__name__: one
     for one in (
@@ -313,5 +366,8 @@ LABS = {
         simulink,
         stutter,
         appended,
+        plotter,
+        web,
+        dutch,
     )
 }
