@@ -207,6 +207,11 @@ def file_text(path: Path, longest: int = LONGEST) -> str:
         raise ValueError(f"no text in UTF-8 ({error.reason} at byte {error.start})") from None
 
 
+def why_no_file(path: Path) -> str:
+    """Why nothing can be read there, in words: it does not exist, or is a folder, pipe or device."""
+    return "is no ordinary file" if path.exists() else "not found"
+
+
 def toml_of(path: Path) -> dict[str, Any]:
     """Return the data of a TOML file, with an editor's byte order mark or without; errors as of
     `file_text` and `read_toml`."""

@@ -10,6 +10,7 @@ import numpy as np
 
 from experiments.runs.protocol import Protocol
 from rig.course import Course
+from rig.files import why_no_file
 from rig.linkage import THREE_ARMS, Linkage
 from rig.operator import Operator
 from rig.parameters import Rig
@@ -40,8 +41,8 @@ def load_rig(path: Path | None) -> Rig:
     shipped = sorted(file.stem for file in folder.glob("*.toml"))
     if str(path) in shipped:
         return read_rig(folder / f"{path}.toml")
-    why = "is no ordinary file" if path.exists() else "not found"
-    raise FileNotFoundError(f"rig file {path} {why}; shipped: {', '.join(shipped)}")
+    known = ", ".join(shipped)
+    raise FileNotFoundError(f"rig file {path} {why_no_file(path)}; shipped: {known}")
 
 
 def known(rig: Rig) -> Rig:

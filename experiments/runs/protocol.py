@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field, ValidationError
 
 from rig.course import Course
-from rig.files import StrictModel, first_error_line, known_names, toml_of
+from rig.files import StrictModel, first_error_line, known_names, toml_of, why_no_file
 from rig.parameters import Rig
 from rig.reference import SHAPES
 
@@ -88,8 +88,8 @@ def read_protocol(name: str) -> Protocol:
     path = Path(name)
     if path.suffix == ".toml":
         if not path.is_file():
-            why = "is no ordinary file" if path.exists() else "not found"
-            raise ValueError(f"protocol file {path} {why}; shipped: {', '.join(shipped())}")
+            known = ", ".join(shipped())
+            raise ValueError(f"protocol file {path} {why_no_file(path)}; shipped: {known}")
         source, label = path, str(path)
     elif name in shipped():
         source, label = Path(str(files("experiments"))) / "protocols" / f"{name}.toml", name
