@@ -208,7 +208,7 @@ def file_text(path: Path, longest: int = LONGEST) -> str:
 
 
 def why_no_file(path: Path) -> str:
-    """Why nothing can be read there, in words: it does not exist, or is a folder, pipe or device."""
+    """Why nothing can be read there, in words: it is missing, or a folder, a pipe or a device."""
     return "is no ordinary file" if path.exists() else "not found"
 
 
