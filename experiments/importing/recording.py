@@ -89,10 +89,13 @@ def check_size(rows: int, columns: int) -> None:
         )
 
 
-def too_many(lost: int, count: int) -> bool:
-    """Whether more lines of `count` are no rows than a file may have: one (a last line that was cut
-    off), or MAX_LOST of them."""
-    return lost > max(1, MAX_LOST * count)
+def check_lost(lost: int, count: int, why: str) -> None:
+    """Refuse a file of whose `count` lines too many are no rows: more than one (a last line that
+    was cut off), and than MAX_LOST of them. why: what is wrong with them. BadFileError: so many."""
+    if lost > max(1, MAX_LOST * count):
+        raise BadFileError(
+            f"{lost} of {count} lines {why} (limit: {MAX_LOST:.0%}): take them out of the file"
+        )
 
 
 def joined(streams: Sequence[Stream]) -> Recording:

@@ -11,15 +11,12 @@ from experiments.importing.recording import (
     MAX_COLUMNS,
     BadFileError,
     Stream,
+    check_lost,
     check_size,
-    too_many,
 )
 
 MAX_WIDTH = 64  # chosen: a longer array in a message is a picture or a point cloud
 MAX_DEPTH = 8
-MAX_LOST = (
-    0.01  # share of a file's lines that are no message; chosen: a last one that was cut off is
-)
 OF_JOINTS = ("position", "velocity", "effort")  # of JointState: one number a name
 
 
@@ -70,8 +67,7 @@ def messages_of_lines(
             found.append(row)
             check_size(len(found), len(found.columns))
     count = len(found) + lost
-    if too_many(lost, count):
-        raise BadFileError(f"{lost} of {count} lines are not {kind}")
+    check_lost(lost, count, f"are not {kind}")
     if not found.columns:
         raise BadFileError(f"no numbers were found in it: every line has to be {kind}")
     notes = (f"lines that are not {kind}, left out: {lost} of {count}",) if lost else ()

@@ -17,8 +17,8 @@ from experiments.importing.recording import (
     TWICE,
     BadFileError,
     Stream,
+    check_lost,
     check_size,
-    too_many,
 )
 from experiments.records.csv_files import blocks_of, lines_of
 
@@ -74,8 +74,7 @@ def _table(lines: Iterator[str]) -> Stream:
             else:
                 one.extend(column)
     lost = count - read
-    if too_many(lost, count):
-        raise BadFileError(f"{lost} of {count} lines have not {width} cells")
+    check_lost(lost, count, f"have not {width} cells")
     short = f"lines without {width} cells, left out: {lost} of {count}"
     units |= dict.fromkeys(sorted(clocks), "s")
     sure = set().union(*(one.sure for one in found))
