@@ -2,6 +2,7 @@
 
 from itertools import groupby, pairwise
 
+import cv2
 import numpy as np
 import pytest
 
@@ -186,6 +187,39 @@ def test_of_equal_dots_at_rest_none_is_the_ball_and_one_alone_is():
     alone, _ = follow(discs(middle, seconds=1.5), Tracker())
     assert {track.state for track in two} == {"search"}
     assert alone[-1].state == "track"
+
+
+def states_of(draw, seconds):
+    """The tracker's states on a plain plate, 30 frames a second, into which `draw` draws at each
+    time [s]."""
+    tracker, states = Tracker(), []
+    for k in range(round(30 * seconds)):
+        image = np.full((240, 320, 3), 90, np.uint8)
+        draw(image, k / 30.0)
+        image = cv2.GaussianBlur(image, (0, 0), 0.8)
+        states.append(tracker.step(Frame(image, k / 30.0, k)).state)
+    return states
+
+
+@pytest.mark.parametrize("speed_px_s", [0.0, 60.0])
+@pytest.mark.parametrize("flatter", [1.0, 0.6])
+def test_a_coin_seen_aslant_is_no_ball(speed_px_s, flatter):
+    def draw(image, t_s):
+        place, axes = (round(80 + speed_px_s * t_s), 120), (14, round(14 * flatter))
+        cv2.ellipse(image, place, axes, 0, 0, 360, (40, 60, 220), -1, cv2.LINE_AA)
+
+    assert ("track" in states_of(draw, 1.5)) == (flatter == 1.0)
+
+
+def test_what_reaches_in_over_the_images_border_is_no_ball_while_it_is_met():
+    """A sleeve or wrist is round where it is seen; what is whole in the image is no arm."""
+    states = {}
+    for u in (305.0, 250.0):
+        at = lambda t_s, u=u: (round(u), round(60 + 50 * t_s))  # noqa: E731
+        draw = lambda image, t_s, at=at: cv2.circle(image, at(t_s), 24, (160, 60, 40), -1, 16)  # noqa: E731
+        states[u] = states_of(draw, 1.5)
+    assert "track" not in states[305.0]
+    assert "track" in states[250.0]
 
 
 def test_a_ball_that_was_lost_is_not_replaced_at_once_by_a_mover_that_is_hardly_seen():
