@@ -20,7 +20,7 @@ from vision.detection.detector import REACH, Detection, locate_ball
 from vision.detection.pixels import mean_probability
 from vision.detection.streaks_and_mirrors import locate_streak, mirror_silhouette
 from vision.frames import Frame, Track
-from vision.tracking.acquisition import LOOK_S, Acquisition, Known
+from vision.tracking.acquisition import Acquisition, Known
 from vision.tracking.candidates import (
     DISTRACTOR_LIMIT,
     DiscCandidate,
@@ -87,7 +87,7 @@ class Tracker:
         self._told = False  # somebody said where it is
         self._clear = True  # was too evidently round for a finger or a leaf
         self._state = "search"
-        self._good_s = self._locked_s = self._doubted_s = -math.inf
+        self._good_s = self._locked_s = -math.inf
         self._views = 0
 
     @property
@@ -291,9 +291,8 @@ class Tracker:
 
     def _doubt(self, frame: Frame, found: Detection | None) -> Detection | None:
         """`found`, or the one other disc that moves while the locked one has not."""
-        motion, distractors = self._motion, self._distractors
+        motion = self._motion
         assert motion is not None
-        assert distractors is not None
         if self._seeks == "any":
             other = self._acquisition.step(frame, every_s=WATCH_S)
             better = other is not None and (other.moves or (other.clear and not self._clear))
@@ -302,22 +301,7 @@ class Tracker:
             at_rest = not (self._proven or self._told)
             if found is not None and at_rest and self._acquisition.doubts(frame, found):
                 return self._leave(found)
-        if self._proven or self._seeks == "nothing" or frame.t_s - self._doubted_s < LOOK_S:
-            return found
-        self._doubted_s = frame.t_s
-        self._observe(frame)
-        away = [
-            c
-            for c in self._candidates
-            if c.misses == 0
-            and c.moved
-            and c.hits >= 3
-            and is_apart(c.seen, motion, self._radius_px)
-        ]
-        if len(away) != 1:
-            return found
-        distractors.add(float(motion.place[0]), float(motion.place[1]), self._radius_px)
-        return self._lock(frame, away[0].seen, proven=True)
+        return found
 
     def _leave(self, found: Detection) -> None:
         """Give up a lock: what was tracked is not the ball, and nothing is known of that."""
