@@ -45,6 +45,7 @@ ROUGH_SHARE = 0.03  # residual of an outline, share of the radius, that a sharp 
 # Share of the radius below which a sharp outline is the image in a mirroring one.
 INNER_SHARE = 0.92
 SWOLLEN_SHARE = 0.1  # share of the radius by which no blur makes a ball larger
+SHRUNK = 0.92  # of the radius: may be a patch of the ball that shrinks as it turns
 WATCH_S = 0.3  # between two looks for a ball that moves while what is tracked has not moved yet
 GONE_SHARE = 0.1  # of the ball's own fill, below which its colour is gone from a place
 ADAPT_SHARE = 0.03  # of every whole view of the ball, into its size
@@ -82,6 +83,7 @@ class Tracker:
         self._distractors: StaticDistractors | None = None
         self._candidates: list[DiscCandidate] = []
         self._lock_px = (math.nan, math.nan)
+        self._whole_px = math.nan  # radius when the whole ball was seen last
         self._mirrors = False  # its silhouette was found about an inner outline
         self._proven = False  # has moved since it was locked
         self._told = False  # somebody said where it is
@@ -214,9 +216,22 @@ class Tracker:
             distractors.update(
                 frame.image, appearance, u, v, self._radius_px, frame.t_s - motion.t_s
             )
+        if (whole := self._whole(frame, found)) is not None:
+            found = self._start(frame, whole, proven=self._proven, clear=self._clear)
+            return self._accept(frame, found)
         span = math.hypot(found.u_px - self._lock_px[0], found.v_px - self._lock_px[1])
         self._proven |= span > max(5.0, 0.5 * self._radius_px)
         return Track("track", found.u_px, found.v_px, claimed, found.radius_px)
+
+    def _whole(self, frame: Frame, patch: Detection) -> Detection | None:
+        """The ball, where what is tracked has shrunk to a patch of it, such as a half of another
+        colour; of a ball that a zoom makes smaller there is no such disc."""
+        if self._radius_px > SHRUNK * self._whole_px:
+            return None
+        before, self._whole_px = self._whole_px, self._radius_px
+        bounds = (self._radius_px / SHRUNK**0.5, before / SHRUNK)
+        whole = surest_disc(frame.image, patch.u_px, patch.v_px, before, bounds)
+        return None if whole is None else whole.seen
 
     def _lock(
         self, frame: Frame, found: Detection, *, proven: bool, clear: bool = True
@@ -236,6 +251,7 @@ class Tracker:
         )
         self._lock_px, self._proven, self._candidates = (found.u_px, found.v_px), proven, []
         self._locked_s, self._clear, self._told = frame.t_s, clear, False
+        self._whole_px = found.radius_px
         self._acquisition.locked(Sighting(found, appearance, 0.0), frame.t_s)
         return found
 

@@ -261,6 +261,23 @@ def test_ball_set_down_beyond_all_gates_is_followed_once_it_was_seen_twice():
     assert np.nanmax(errors) < 0.2
 
 
+@pytest.mark.parametrize("zooms", [False, True])
+def test_a_painted_patch_that_turns_away_is_not_the_ball_and_a_zoom_makes_it_smaller(zooms):
+    rng, film = np.random.default_rng(1), Film()
+    for k in range(120):
+        share = 1.0 - 0.4 * k / 119  # of the radius: of a yellow patch, or of the ball by a zoom
+        image = np.full((240, 320, 3), 40.0, np.float32)
+        if not zooms:
+            disc(image, (160.0, 120.0), 30.0, np.full(3, 190.0), shade=0.3)
+        place = (160.0, 120.0 - (0.0 if zooms else 30.0 * (1.0 - share)))
+        disc(image, place, 30.0 * share, np.array((40.0, 190.0, 230.0)), shade=0.3)
+        film.add(exposed(image, 2.0, rng), k / 100, (160.0, 120.0))
+    tracks, errors = follow(film, Tracker())
+    assert np.nanmax(errors) < 6.0
+    assert sum(t.state == "track" for t in tracks) > 100
+    assert tracks[-1].radius_px == pytest.approx(18.0 if zooms else 30.0, rel=0.1)
+
+
 def test_named_colour_of_a_part_of_the_ball_does_not_lock_on_that_part():
     film = Film()
     for k in range(12):
