@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from vision.detection.appearance import Appearance
 from vision.detection.detector import REACH, Detection
 from vision.detection.pixels import mean_probability
 from vision.frames import Frame
+from vision.tracking.camera_motion import CameraMotion
 from vision.tracking.gate import TELLING_FILL, is_inside
 from vision.tracking.kinematics import START_SPEED_RADII_S
 from vision.tracking.sightings import Sighting, bounds_of, round_things, same_place, sight
@@ -112,6 +113,7 @@ class Acquisition:
         self._held = False  # whether a ball was tracked and lost before
         self.things = Things(window_s=WINDOW_S)
         self._stir = Stir()
+        self._camera = CameraMotion()
         self._stirred_s = self._calm_s = -math.inf
         self._looked_s = self._glanced_s = -math.inf
         self._looks = 0
@@ -151,6 +153,7 @@ class Acquisition:
         if not 0.0 <= frame.t_s - self._stirred_s < LOOK_S:
             self._stirred_s = frame.t_s
             self._stir.add(frame.t_s, frame.image)
+            self._camera.add(frame.image)
         if not 0.0 <= frame.t_s - self._looked_s < every_s:
             self._looked_s = self._glanced_s = frame.t_s
             self._look(frame)
@@ -194,7 +197,7 @@ class Acquisition:
                     found.append(s)
         known = self._known
         return [
-            s
+            replace(s, settled=self._camera.home(s.place))
             for s in found
             if is_inside(s.seen, self._mask) and (known is None or not known.is_still(s.seen))
         ]

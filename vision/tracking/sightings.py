@@ -46,6 +46,7 @@ class Sighting:
     ball but not a flat mark or coin (down to `FLAT`, which is `flat`). `round` tells a ball at rest
     from a disc that is seen aslant, which is flattened: 1 for a circle, towards 0. `company` is the
     share of what lies about it, up to three radii, that has its colour on half of its turn.
+    `settled`: its `home`, where that is known.
     """
 
     seen: Detection
@@ -55,6 +56,12 @@ class Sighting:
     flat: bool = False
     round: float = 1.0
     company: float = 0.0
+    settled: tuple[float, float] | None = None
+
+    @property
+    def home(self) -> tuple[float, float]:
+        """Where it would be (u, v) px had the camera not moved: `settled`, or its place."""
+        return self.place if self.settled is None else self.settled
 
     @property
     def place(self) -> tuple[float, float]:

@@ -146,13 +146,13 @@ class Thing:
     def drifts(self, reach_px: float) -> bool:
         """Whether it is elsewhere than at first, though perhaps not seen often enough to be sure
         that it travels (`reach_px` as for `travel`)."""
-        way = self.last.far(self.sightings[0])
+        way = math.dist(self.last.home, self.sightings[0].home)
         return self.missed < 3 and way > max(0.5 * reach_px, 0.5 * self.radius_px)
 
     def travel(self, reach_px: float) -> float:
         """How far it came from where it was at first, in units of half of `reach_px` or of its
         radius, whichever is longer; the farthest sightings, which may be mistakes, do not count."""
-        places = np.array([s.place for s in self.sightings])
+        places = np.array([s.home for s in self.sightings])
         n = len(places)
         off = np.sort(np.hypot(*(places - np.median(places[: (n + 1) // 2], 0)).T))
         sure = off[-2 - n // 10] if n > 3 else 0.0

@@ -17,6 +17,7 @@ import numpy as np
 from vision.detection.appearance import Appearance
 from vision.frames import Frame, Track
 from vision.tracking.acquisition import LEAST_EVIDENCE, NAMED, STANDS_OUT, STIRRED_S, fits
+from vision.tracking.camera_motion import CameraMotion
 from vision.tracking.gate import is_inside
 from vision.tracking.sightings import Sighting, bounds_of, round_things
 from vision.tracking.stir import Stir
@@ -69,13 +70,15 @@ def _looks(
     frames: Frames, radius_px: tuple[float, float] | None, mask: np.ndarray | None
 ) -> _Looks:
     looks, stir, last_s = _Looks([], LOOK_S, 0, set()), Stir(), -np.inf
+    camera = CameraMotion()
     for frame in frames():
         if 0.0 <= frame.t_s - last_s < looks.every_s:
             continue
         image, last_s = frame.image, frame.t_s
         looks.longer = max(looks.longer, *image.shape[:2])
         seen = round_things(image, bounds_of(image, radius_px), at_most=AT_MOST)
-        seen = [s for s in seen if is_inside(s.seen, mask)]
+        camera.add(image)
+        seen = [replace(s, settled=camera.home(s.place)) for s in seen if is_inside(s.seen, mask)]
         looks.seen.append((frame.index, seen))
         stir.add(frame.t_s * LOOK_S / looks.every_s, image)  # as many looks back in a long film
         looks.alone |= {id(s) for s in seen if stir.elsewhere(s.place, s.seen.radius_px)}
