@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from vision.tracking.kinematics import PUSH_RADII_S2, START_SPEED_RADII_S
-from vision.tracking.sightings import FAINT, FLAT, Sighting
+from vision.tracking.sightings import FAINT, FLAT, Sighting, same_place
 
 # Of the image's longer side: a mark at the edge of a plate tilted by 6 degrees shifts by 1 %.
 TRAVEL = 0.03
@@ -86,7 +86,7 @@ class Thing:
         """Whether it was elsewhere a look before: no ball at rest starts so fast, and what was seen
         last may be another thing, which other light shows."""
         before = self.sightings[-1 if self.glance is not None else -2 :][:1]
-        return any(self.last.far(s) > self.radius_px for s in before)
+        return not all(same_place(self.last, s) for s in before)
 
     @property
     def is_cut(self) -> bool:
