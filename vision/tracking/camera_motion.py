@@ -19,6 +19,8 @@ BACK_PX, INLIER_PX = 0.3, 1.0  # from where a corner is followed back to; from t
 # share that may stay, as those in the middle of a zoom do.
 LEAST, MOST_SHARE, SPAN, STAYS_SHARE = 10, 0.5, 0.33, 0.2
 STILL_PX = 0.3  # a corner that moves less stays
+# In hours of a camera that moves, errors of a zoom add up: beyond this one it begins anew.
+FARTHEST_ZOOM = 4.0
 
 
 class CameraMotion:
@@ -38,10 +40,13 @@ class CameraMotion:
         grey = np.asarray(cv2.cvtColor(small, cv2.COLOR_BGR2GRAY))
         if self._last is not None and self._last.shape == grey.shape:
             self._to_first = self._to_first @ _motion(grey, self._last)
+            zoom = float(np.hypot(*self._to_first[:2, 0]))
+            if not 1.0 / FARTHEST_ZOOM < zoom < FARTHEST_ZOOM:
+                self._to_first = np.eye(3)
         self._last = grey
 
     def home(self, place: tuple[float, float]) -> tuple[float, float]:
-        """Where a place (u, v) px of the last image was in the first one [px]."""
+        """Where a place (u, v) px of the last image would be in the first one [px]."""
         u, v = ((x + 0.5) / self._scale - 0.5 for x in place)
         x, y, _ = self._to_first @ (u, v, 1.0)
         return (x + 0.5) * self._scale - 0.5, (y + 0.5) * self._scale - 0.5

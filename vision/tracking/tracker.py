@@ -306,7 +306,7 @@ class Tracker:
         self._candidates = associate(self._candidates, found)
 
     def _doubt(self, frame: Frame, found: Detection | None) -> Detection | None:
-        """`found`, or the one other disc that moves while the locked one has not."""
+        """`found`, or another ball that moves or is clearer, or None: what stays is no ball."""
         motion = self._motion
         assert motion is not None
         if self._seeks == "any":

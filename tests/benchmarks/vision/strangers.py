@@ -15,7 +15,7 @@ from __future__ import annotations
 import argparse
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import cv2
 import numpy as np
@@ -109,6 +109,12 @@ def judge(film: StrangeFilm, tracks: list[Track], cpu_s: float) -> Outcome:
     return out
 
 
+def begun(film: StrangeFilm, seconds: float | None) -> StrangeFilm:
+    """The first seconds of a film, or all of it."""
+    n = sum(seconds is None or frame.t_s <= seconds for frame in film.frames)
+    return replace(film, frames=film.frames[:n], truth=film.truth[:n], shown=film.shown[:n])
+
+
 def run(film: StrangeFilm, method: str, colour: str | None) -> Outcome:
     appearance = Appearance.of_colour(colour) if colour else None
     start = time.process_time()
@@ -133,6 +139,7 @@ def main() -> None:
     options.add_argument("--seeds", type=int, nargs=2, default=(0, 20), metavar=("FROM", "TO"))
     options.add_argument("--world", choices=tuple(WORLDS), default="second")
     options.add_argument("--quick", action="store_true", help="small films")
+    options.add_argument("--seconds", type=float, help="of each film, from its beginning")
     options.add_argument("--colour", help="name that is told of every ball, right or wrong")
     options.add_argument("--method", action="append", choices=tuple(METHODS), default=[])
     chosen = options.parse_args()
@@ -141,7 +148,7 @@ def main() -> None:
     methods = chosen.method or list(METHODS)
     totals: dict[tuple[str, str], Outcome] = {}
     for seed in range(*chosen.seeds):
-        film = WORLDS[chosen.world](seed, quick=chosen.quick)
+        film = begun(WORLDS[chosen.world](seed, quick=chosen.quick), chosen.seconds)
         for method in methods:
             outcome = run(film, method, chosen.colour)
             for group in {film.kind, ""}:

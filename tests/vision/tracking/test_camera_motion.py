@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from vision.frames import Frame
+from vision.tracking import camera_motion
 from vision.tracking.camera_motion import CameraMotion
 from vision.tracking.tracker import Tracker
 from vision.tracking.whole_film import WholeFilm
@@ -61,6 +62,15 @@ def test_without_a_corner_nothing_is_known_to_move(size):
     for k in range(3):
         camera.add(np.full((*size, 3), 128 + k, np.uint8))
     assert camera.home((10.0, 20.0)) == (pytest.approx(10.0), pytest.approx(20.0))
+
+
+@pytest.mark.parametrize("zoom", [0.9, 1.1, float("nan")])
+def test_errors_of_a_zoom_do_not_add_up_without_end(zoom, monkeypatch):
+    monkeypatch.setattr(camera_motion, "_motion", lambda now, before: np.diag((zoom, zoom, 1.0)))
+    camera = CameraMotion()
+    for _ in range(200):
+        camera.add(np.zeros((240, 320, 3), np.uint8))
+        assert 20.0 < camera.home((100.0, 100.0))[0] < 410.0
 
 
 @pytest.mark.parametrize("whole", [False, True])
