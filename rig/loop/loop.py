@@ -19,11 +19,13 @@ from rig.operator import SAY, Operator
 from rig.parameters import Rig
 from rig.safety import monitor
 from rig.safety.levelling import LevelOnExit
-from rig.safety.limits import CATCH_TAUS, Braking, limit, limit_angle
+from rig.safety.limits import CATCH_TAUS, LATE_TICKS, STALE_S, Braking, limit, limit_angle
 from rig.safety.monitor import Fault, MonitorLimits
 from rig.table import Reading, Table, takes_angle
 
 HIGHEST_GAINS = (20.0, 20.0, 20.0)  # rad/m, rad/(m s), rad s/m: what a setpoint page may ask for
+LATE_KEPT = 0.97  # of a tick's lateness, in each that follows; chosen: forgotten after some thirty
+SLOW_TICKS = LATE_TICKS + 1.0  # of a late loop: the next tick may come as late again
 PLACED_S = 0.5  # so long a ball must lie at its start before it counts as placed
 
 
@@ -42,9 +44,8 @@ class Ending:
 
 
 def ending_of(error: BaseException) -> Ending:
-    """Return the ending of a run that raised `error`.
-
-    An error that bears its own `outcome` (a lost link, a camera) names it; another aborts the run.
+    """Return the ending of a run that raised `error`: the `outcome` that it bears (a lost link, a
+    camera), else aborted.
     """
     if isinstance(error, KeyboardInterrupt):
         return Ending("interrupted", "by the operator")
@@ -89,11 +90,10 @@ class Loop:
     known: what the controller may know of the table; compensator: a number of
     `controllers.COMPENSATORS`; commands: where stops, pushes, gains and targets come from;
     controller: a user's that was started, in place of the built-in one; control_s: how long it may
-    take for a tick; keep: takes the row (len(COLUMNS),), which
-    is written anew at the next tick; event: takes time and text of what happened; late_s: tells how
-    late the last tick came by the wall clock, where the table's own time does not; limits: of the
-    monitor (default: those of `known`). ValueError: the table's servos take volts where those of
-    `known` take an angle, or the reverse.
+    take for a tick; keep: takes the row (len(COLUMNS),), which is written anew at the next tick;
+    event: takes time and text of what happened; late_s: tells how late the last tick came by the
+    wall clock, where the table's own time does not; limits: of the monitor (default: those of
+    `known`). ValueError: only the servos of one of `table` and `known` take an angle.
     """
 
     def __init__(
@@ -134,31 +134,31 @@ class Loop:
         self._steps = [step for step in course.operator if self._operator.is_person]
         self._placed_since: float | None = None
         self._held_since: float | None = None
-        self._pushing = False
+        self._pushing, self._slow_s = False, 0.0
         if "place" in self._steps:
             self.state["phase"] = PLACE
 
     def run(self) -> Ending:
         """Tick until the course is done or something ends the run; return how it ended.
 
-        Where anything is raised, 0 V is driven before it passes on; leaving the table's context
-        levels the plate, unless the encoders are no longer to be trusted. A user controller that
-        fails ends the run at 0 V: aborted, with the reason. OSError: the table or its camera is
-        lost.
+        Whatever is raised, arms that fly are braked and 0 V is driven before it passes on; leaving
+        the table's context levels the plate, where the encoders may be trusted. A user controller
+        that fails aborts the run. OSError: the table or its camera is lost.
         """
         try:
             ending = self._until_done()
         except user_controller.ControllerError as error:
-            self._table.drive((0.0, 0.0))
-            ending = Ending("aborted", str(error))
+            ending = self._caught(Ending("aborted", str(error)))
         except BaseException:
             with suppress(Exception):  # the first error is the one to hear of
-                self._table.drive((0.0, 0.0))
+                self._leave(self._caught(DONE))
             raise
-        if not ending.level:
-            self._table.drive((0.0, 0.0))
-            if isinstance(self._table, LevelOnExit):
-                self._table.level_s = 0.0
+        return self._leave(ending)
+
+    def _leave(self, ending: Ending) -> Ending:
+        self._table.drive((0.0, 0.0))
+        if not ending.level and isinstance(self._table, LevelOnExit):
+            self._table.level_s = 0.0
         return ending
 
     def _until_done(self) -> Ending:
@@ -166,7 +166,7 @@ class Loop:
             reading = self._table.read()
             ending = self._tick(reading)
             if ending is not None:
-                return self._caught(reading, ending) if ending.level else ending
+                return self._caught(ending, reading) if ending.level else ending
 
     def _tick(self, reading: Reading) -> Ending | None:
         fault = self._watch(reading)
@@ -197,12 +197,15 @@ class Loop:
         return Ending(fault.name, fault.reason) if fault is not None else self._ended(reading)
 
     def _limit(self, reading: Reading) -> None:
-        """What is applied of what is commanded."""
+        """What is applied of what is commanded; where ticks come late, volts last longer."""
         age_s, q = self._monitor_state.late_s, self._q
+        late_s = min(age_s, STALE_S) if age_s > 0.5 * self._limits.period_s else 0.0
+        self._slow_s = max(late_s, LATE_KEPT * self._slow_s)
+        delay = q["delay"] + SLOW_TICKS * self._slow_s
+        stops = Braking(delay, q["time_constant"], q["top_speed"])
         for a, theta in enumerate(reading.theta_rad):
             rate, free = (self.state["estimate"][name][a] for name in ("rate", "free_rate"))
             last, bounds = self._applied[a], (q["voltage_limit"], q["angle_limit"], q["slew"])
-            stops = Braking(q["delay"], q["time_constant"], q["top_speed"])
             if q["takes_angle"]:
                 now = limit_angle(self._commanded[a], last, q["angle_limit"], age_s)
             else:
@@ -244,15 +247,13 @@ class Loop:
         ending = Ending(fault.name, fault.reason, level=False)
         if fault.axis is None or self._q["takes_angle"]:
             return self._all_off(reading, ending)
-        reading, _ = self._brake_arms(reading, fault.axis)
-        return self._all_off(reading, ending)
+        return self._all_off(self._brake_arms(reading, fault.axis)[0], ending)
 
-    def _caught(self, reading: Reading, ending: Ending) -> Ending:
-        """The ending, once no arm flies beyond its limit: levelling is too weak to brake it.
-
-        Where an encoder is lost meanwhile the plate is not levelled any more.
+    def _caught(self, ending: Ending, reading: Reading | None = None) -> Ending:
+        """The ending, once no arm flies beyond its limit: levelling is too weak to brake it, and
+        is left out where an encoder is lost meanwhile. reading: the newest, None: not known.
         """
-        if self._q["takes_angle"] or not self._fly((0, 1), reading):
+        if self._q["takes_angle"] or (reading and not self._fly((0, 1), reading)):
             return ending
         with suppress(OSError):  # levelling will tell it
             _, trusted = self._brake_arms(self._table.read(), None)
@@ -260,9 +261,8 @@ class Loop:
         return ending
 
     def _brake_arms(self, reading: Reading, lost: int | None) -> tuple[Reading, bool]:
-        """Brake the arms that fly, from this reading on, that of the axis `lost` at 0 V.
-
-        Returns the last reading, and whether the encoders of the others may still be trusted.
+        """Brake the arms that fly, from this reading on, that of the axis `lost` at 0 V; return the
+        last reading, and whether the other encoders may still be trusted.
         """
         until_s = reading.t_s + CATCH_TAUS * self._q["time_constant"]
         arms = [axis for axis in (0, 1) if axis != lost]
@@ -298,7 +298,7 @@ class Loop:
         """Whether one of the arms might pass its angle limit at 0 V: it coasts by tau w from the
         speed w. One that is beyond what the monitor allows is at its stop.
         """
-        far_s = self._q["delay"] + 2.0 * self._q["time_constant"]
+        far_s = self._q["delay"] + SLOW_TICKS * self._slow_s + 2.0 * self._q["time_constant"]
         theta = np.abs([seen.theta_rad[a] for a in arms])
         estimate = self.state["estimate"]
         rates = np.maximum(np.abs(estimate["rate"]), np.abs(estimate["free_rate"]))

@@ -205,3 +205,22 @@ def test_seconds_blind_counts_from_the_light():
     row = blank_reading()
     row[R_TIME] = 0.35
     assert observers.seconds_blind(b, row) == pytest.approx(0.25)
+
+
+@pytest.mark.parametrize("observe", ["observe_torque", "observe_angles"])
+def test_ticks_that_were_missed_are_made_up_for(observe: str):
+    """Of an arm that turns evenly the same is known in the end, seen at every tick or at some."""
+    seen = {"all": range(60), "some": [*range(12), 19, 20, 27, 34, 35, 52, 59]}
+    found = {}
+    for name, ticks in seen.items():
+        q, b = observers.settings(RIG), observers.start()
+        for k in ticks:
+            row = blank_reading()
+            row[R_TIME] = k * TICK_S
+            row[R_THETA], row[R_THETA + 1] = 0.3 * k * TICK_S, -2.0 * k * TICK_S
+            volts = (np.array([1.5, -3.0]),) if observe == "observe_torque" else ()
+            getattr(observers, observe)(b, q, row, *volts)
+        found[name] = {field: b[field] for field in ("rate", "free_rate", "torque", "observed")}
+    for field, value in found["all"].items():
+        np.testing.assert_allclose(found["some"][field], value, rtol=1e-9, err_msg=field)
+    assert found["all"]["rate"] == pytest.approx([0.3, -2.0], rel=0.05)
