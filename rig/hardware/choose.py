@@ -148,7 +148,7 @@ def _board(
         from rig.hardware.board.usb_link import UsbLink
 
         link = UsbLink(*usb_numbers(rig.table.address))
-    table = BoardTable(
+    return BoardTable(
         link,
         wiring,
         period_s=1 / rig.control_rate_hz,
@@ -160,9 +160,6 @@ def _board(
         homed=homed,
         eye=eye,
     )
-    if not homed:
-        table.level_s = 0.0
-    return table
 
 
 def _bus(rig: Rig, eye: ObservationSource | None, wiring: Wiring, homed: bool) -> OpenTable:
@@ -183,7 +180,7 @@ def _bus(rig: Rig, eye: ObservationSource | None, wiring: Wiring, homed: bool) -
             f"servo.period_s = {servo.period_s:g} is longer than a tick of control_rate_hz "
             f"({period_s:g} s): {vendor.name} servos take every goal as it comes; set 0"
         )
-    opened = BusTable(
+    return BusTable(
         SerialLink(table.port, table.baud, "servo bus"),
         vendor,
         wiring,
@@ -196,9 +193,6 @@ def _bus(rig: Rig, eye: ObservationSource | None, wiring: Wiring, homed: bool) -
         homed=homed,
         eye=eye,
     )
-    if not homed:
-        opened.level_s = 0.0
-    return opened
 
 
 def _pulses(rig: Rig, eye: ObservationSource | None, wiring: Wiring) -> OpenTable:

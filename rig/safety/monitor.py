@@ -185,6 +185,14 @@ def check(
     return after, fault or _camera(after, limits, reading, balancing)
 
 
+def check_step(before: Reading | None, limits: MonitorLimits, reading: Reading) -> Fault | None:
+    """Return the fault of a reading by itself, and by the one before it (None: it is the first)."""
+    before, first = before or reading, before is None
+    step_s = limits.period_s if first else reading.t_s - before.t_s
+    fault = _no_number(reading, limits) or _clock(before.t_s, step_s)
+    return fault or _angles(before.theta_rad, limits, reading, step_s)
+
+
 def without(reading: Reading, axis: int, state: MonitorState) -> tuple[Reading, MonitorState]:
     """The reading as if the arm of `axis`, whose encoder is lost and which gets 0 V, stood still,
     and the state in which nothing is held against it.
@@ -218,9 +226,15 @@ def _no_number(reading: Reading, limits: MonitorLimits) -> Fault | None:
     return None
 
 
-def _time(state: MonitorState, limits: MonitorLimits, step_s: float, late_s: float) -> Fault | None:
+def _clock(before_s: float, step_s: float) -> Fault | None:
     if step_s <= 0.0:
-        return Fault("link silent", f"the table's time stands still at {state.t_s:.3f} s", False)
+        return Fault("link silent", f"the table's time stands still at {before_s:.3f} s", False)
+    return None
+
+
+def _time(state: MonitorState, limits: MonitorLimits, step_s: float, late_s: float) -> Fault | None:
+    if fault := _clock(state.t_s, step_s):
+        return fault
     if late_s > limits.late_s:
         ms = 1e3 * late_s
         return Fault("late loop", f"a tick came {ms:.0f} ms late (limit {1e3 * limits.late_s:g})")

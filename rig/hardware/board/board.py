@@ -56,6 +56,8 @@ class BoardTable(BoardSession):
         self.voltage_limit_V = voltage_limit_V
         self._wiring, self._feed = wiring or Wiring(), ObservationFeed(eye)
         self._tachometer, self._homed = tachometer_rad_s_V, homed
+        if not homed:
+            self.level_s = 0.0  # nobody knows where level is
         servo = (time_constant_s, top_speed_rad_s)
         watched = self._watched(sure_V, top_speed_rad_s / voltage_limit_V)
         self._open(lambda: self._request(angle_limit_rad, servo, watched, homed))

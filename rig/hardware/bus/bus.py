@@ -102,7 +102,7 @@ class BusTable(ServoTable, LevelOnExit):
         self.asked_again = 0
         self._link, self._vendor, self._wiring, self._ids = link, vendor, wiring, ids
         super().__init__(linkage, angle_limit_rad)
-        self._homed = homed
+        self._homed, self.level_s = homed, self.level_s * homed  # else nobody knows where level is
         self._rates = wiring.by_channel(linkage.servo_rates(rate_limit_rad_s))
         self._feed, self._times, self._clock = ObservationFeed(eye), FromFirst(), clock
         self._ticker = Ticker(period_s, clock=clock, sleep_until=sleep_until)

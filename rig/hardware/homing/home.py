@@ -8,11 +8,12 @@ which arm tilts which axis, in which direction, and whether the middle is level.
 
 from collections.abc import Callable, Generator
 from dataclasses import dataclass, replace
-from math import hypot
+from math import hypot, inf
 
 from rig.hardware.homing.homing_moves import (
     FARTHEST_RAD,
     LEVEL_SINE,
+    MOST_V,
     SWING_RAD,
     Arm,
     Channels,
@@ -29,7 +30,8 @@ from rig.hardware.homing.homing_moves import (
 from rig.hardware.wiring import Wiring, file_wiring
 from rig.linkage import Linkage
 from rig.parameters import Rig
-from rig.table import Table
+from rig.safety.monitor import MonitorLimits, check_step
+from rig.table import Reading, Table
 
 
 @dataclass(frozen=True)
@@ -225,6 +227,27 @@ def _homing(
     return Homing(wiring, travel, tuple(arm.moving_V for arm in own), level)
 
 
+def _limits(rig: Rig) -> MonitorLimits:
+    """What no reading goes beyond while an arm is homed: its stops are not known, and it turns at
+    most at four times its no-load speed at MOST_V, as the rig file may be far off.
+    """
+    limits = MonitorLimits.of_rig(rig)
+    slower = min(1.0, 2.0 * MOST_V / rig.servo.voltage_limit_V)
+    return replace(limits, angle_rad=inf, rate_rad_s=slower * limits.rate_rad_s)
+
+
+def _check_reading(before: Reading | None, limits: MonitorLimits, reading: Reading) -> None:
+    """HomingRefused: no arm can have made this reading. Angles that are told, or not measured, are
+    not looked at.
+    """
+    if not limits.measured or limits.stall_V == inf:
+        return
+    fault = check_step(before, limits, reading)
+    if fault is not None:
+        which = "" if fault.axis is None else f"encoder channel {fault.axis}: "
+        raise HomingRefused(fault.name, f"{which}{fault.reason}")
+
+
 def home(
     table: Table,
     rig: Rig,
@@ -234,15 +257,19 @@ def home(
     """Home an armed table that was opened with raw wiring; it ends in the middle, at 0 V.
 
     tilt: called at every tick with the reading's time [s]; gives (sin phi_x, sin phi_y) when a new
-    picture of the plate was taken, else None; steps: default `plan`. HomingRefused: as the plan;
-    OSError: the table is lost.
+    picture of the plate was taken, else None; steps: default `plan`. HomingRefused: as the plan,
+    or a reading that no arm can have made, after which no zero would be right; OSError: the table
+    is lost.
     """
+    limits, before = _limits(rig), None
     steps = steps or plan(rig)
     volts = next(steps)
     try:
         while True:
             table.drive(volts)  # pyright: ignore[reportArgumentType] - by channel
             reading = table.read()
+            _check_reading(before, limits, reading)
+            before = reading
             sight = Sight(
                 reading.t_s, reading.theta_rad, reading.motor_speed_rad_s, tilt(reading.t_s)
             )

@@ -6,7 +6,7 @@ import pytest
 from tests.benchmarks.hardware.fault_campaign import BOARDS, campaign, one, table
 from tests.support.boards.chip import firmware
 from tests.support.boards.chip_faults import KINDS, resampled
-from tests.support.boards.host import HostBoard, HostPulseBoard
+from tests.support.boards.host import HostBoard, HostPulseBoard, StuckBoard
 
 OUTCOMES = (
     "completed", "host killed", "no link", "ball lost", "link lost", "board stopped", "late loop",
@@ -52,19 +52,8 @@ def test_the_judge_notices_a_spoilt_board(board: str, make, change: str):
     assert is_unsafe(change)
 
 
-class Stuck(HostBoard):
-    """A board whose bridge keeps the volts it had when the host fell silent."""
-
-    _held = (0.0, 0.0)
-
-    def volts(self):
-        now = super().volts()
-        self._held = now if any(now) else self._held
-        return self._held
-
-
 def test_the_judge_notices_volts_that_stay():
-    unsafe = one("host killed", 3, Stuck).unsafe
+    unsafe = one("host killed", 3, StuckBoard).unsafe
     assert "volts without a fresh command" in unsafe
     assert "volts at the end" in unsafe
 

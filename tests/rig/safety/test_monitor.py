@@ -21,6 +21,7 @@ from rig.safety.monitor import (
     StallWatch,
     check,
     check_command,
+    check_step,
     watch_stall,
     without,
 )
@@ -574,3 +575,25 @@ def test_angles_of_a_lost_encoder_are_not_gone_on_from(theta: tuple[float, float
     assert fault is not None
     assert not fault.level
     assert (after.t_s, after.theta_rad) == (0.0, (0.1, 0.2))
+
+
+def test_a_reading_is_judged_by_itself_and_by_the_one_before():
+    first = Reading(7.0, (0.1, -0.1))
+    assert check_step(None, LIMITS, first) is None
+    most = LIMITS.rate_rad_s * TICK + LIMITS.noise_rad
+    for way in (-1.0, 1.0):
+        assert (
+            check_step(first, LIMITS, Reading(7.0 + TICK, (0.1 + 0.99 * way * most, -0.1))) is None
+        )
+        jump = check_step(first, LIMITS, Reading(7.0 + TICK, (0.1, -0.1 + 1.01 * way * most)))
+        assert jump is not None
+        assert (jump.name, jump.level, jump.axis) == ("encoder jump", False, 1)
+    for t_s in (7.0, 6.9):
+        fault = check_step(first, LIMITS, Reading(t_s, (0.1, -0.1)))
+        assert fault is not None
+        assert (fault.name, fault.level) == ("link silent", False)
+        assert "stands still at 7.000 s" in fault.reason
+    for before in (None, first):
+        fault = check_step(before, LIMITS, Reading(7.1, (nan, 0.0)))
+        assert fault is not None
+        assert (fault.name, fault.axis) == ("no number", 0)

@@ -141,6 +141,17 @@ class HostBoard(_Built):
         self._mV[0] = self._mV[1] = 0
 
 
+class StuckBoard(HostBoard):
+    """A board whose bridges keep the volts that they had when the host fell silent."""
+
+    _held = (0.0, 0.0)
+
+    def volts(self) -> tuple[float, float]:
+        now = super().volts()
+        self._held = now if any(now) else self._held
+        return self._held
+
+
 class HostPulseBoard(_Built):
     """A board with hobby servos, two or three."""
 

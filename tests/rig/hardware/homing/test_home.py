@@ -221,3 +221,27 @@ def test_it_measures_what_moves_each_arm_each_way(friction_V, play_rad):
         # What surely moves it counts friction twice.
         assert up + 0.5 * (up + down) > dry - offset
         assert down + 0.5 * (up + down) > dry + offset
+
+
+class Jumping(Miswired):
+    """The encoder of a channel jumps by `jump_rad` at `jump_s`, or gives no number from then on."""
+
+    jump_s, jump_rad, channel = np.inf, 0.0, 0
+
+    def read(self):
+        found = super().read()
+        theta = list(found.theta_rad)
+        if found.t_s >= self.jump_s:
+            theta[self.channel] += self.jump_rad
+        return replace(found, theta_rad=(theta[0], theta[1]))
+
+
+@pytest.mark.parametrize("jump_rad", [0.08, -0.3, np.nan, np.inf])
+@pytest.mark.parametrize("jump_s", [0.5, 6.0, 13.0, 20.0])
+def test_an_encoder_that_jumps_is_no_zero_to_trust(jump_rad: float, jump_s: float):
+    """A jump after both stops were found was taken: the zero was wrong by all of it."""
+    table = Jumping(REAL)
+    table.jump_s, table.jump_rad, table.channel = jump_s, jump_rad, 1
+    error = refused(table, markers=False)
+    assert error.name == ("encoder jump" if np.isfinite(jump_rad) else "no number")
+    assert "encoder channel 1" in str(error)
