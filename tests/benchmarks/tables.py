@@ -49,6 +49,7 @@ MEASUREMENTS = {
     "pulse-fault-campaign": Measurement(
         "hardware/fault_campaign.py --faults 330 --seed 1 --board pulses", 10
     ),
+    "homing-faults": Measurement("hardware/homing_faults.py --faults 110 --seed 1", 14),
     "firmware-mutants": Measurement("hardware/firmware_mutants.py", 15),
     "kill-9": Measurement("records/kill_nine.py", 11),
     "jitter": Measurement("hardware/loop_jitter.py --seconds 10", 3),

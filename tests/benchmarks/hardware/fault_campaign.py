@@ -176,12 +176,12 @@ def _run(subject: Volts, world: World, fault: Fault, keep) -> str:
     except HostKilledError:
         return "host killed"
     except BoardStopped as error:
-        return f"board stopped: {_why(error)}"
+        return f"board stopped: {why(error)}"
     except LinkLost as error:
-        return f"link lost: {_why(error)}" if table else "no link"
+        return f"link lost: {why(error)}" if table else "no link"
 
 
-def _why(error: OSError) -> str:
+def why(error: OSError) -> str:
     text = str(error.strerror).partition(":" if ":" in str(error.strerror) else "does")[2]
     return text.strip().split(" for ")[0].split(" (")[0]
 

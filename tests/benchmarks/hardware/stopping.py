@@ -38,7 +38,7 @@ class Desk:
         gate = self._gate
         request = urllib.request.Request(
             f"http://127.0.0.1:{gate.port}{gate.path}/stop",
-            headers={"Cookie": f"{gate.cookie}={gate.token}"},
+            headers={"Cookie": f"{gate.cookie}={gate.key}"},
         )
         with urllib.request.urlopen(request, timeout=30.0) as answer:
             answer.read()
