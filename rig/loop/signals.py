@@ -18,9 +18,11 @@ from rig.loop.commands import Command, Stop
 from rig.loop.unheard import ended_unheard
 
 NAMES = ("SIGTERM", "SIGHUP", "SIGBREAK")
+AGAIN_S = 0.05  # after which what a callback swallowed is raised again; chosen: soon, and beyond it
 LEAVING_S = 5.0  # chosen: ten times what levelling takes, in which no further signal disturbs it
 _leaving: list[int] = []  # signals by which the program is to be left
 _heard_s = [-math.inf]  # when a handler of ours ran last
+_raised_s = [-math.inf]  # when one raised what leaves the program last
 _handlers: list[object] = []  # ours
 
 
@@ -59,38 +61,52 @@ def leave_on_signals(say: Callable[[str], None]) -> Iterator[None]:
     It raises SystemExit, 128 + its number (SIGINT: KeyboardInterrupt), in the main thread, so that
     a table is left level at 0 V and a recording has its ending; further ones within LEAVING_S
     change nothing, later ones do the same. What lies between may have swallowed that (an import, a
-    destructor, a callback of compiled code do): no later run is begun then (`stop_on_signals`), and
-    it is raised again where long work reports its progress (`leave_if_told`) and at the end, in
-    place of a RuntimeError, too, of what was left in its midst. say: gets a line for a person; what
-    it cannot say (to a terminal that is gone) is left out. It is called in the midst of anything,
-    of an import too, so it must import nothing. A signal that nothing hears, since compiled code
-    does not return, ends the program (`rig.loop.unheard`).
+    destructor, a callback of compiled code do): it is raised again after AGAIN_S where Python tells
+    of that (`sys.unraisablehook`), else where long work reports its progress (`leave_if_told`) and
+    at the end, in place of a RuntimeError, too, of what was left in its midst; and no later run is
+    begun (`stop_on_signals`). say: gets a line for a person; what it cannot say (to a terminal that
+    is gone) is left out. It is called in the midst of anything, of an import too, so it must import
+    nothing. A signal that nothing hears, since compiled code does not return, ends the program
+    (`rig.loop.unheard`).
     """
-    raised_s = -LEAVING_S
+    _raised_s[0], is_told, timers = -math.inf, False, []
 
     def handle(number: int, _: object) -> None:
-        nonlocal raised_s
+        nonlocal is_told
         _heard_s[0] = time.monotonic()
         _leaving.append(number)
-        if time.monotonic() - raised_s < LEAVING_S:
+        if time.monotonic() - _raised_s[0] < LEAVING_S:
             return
-        raised_s = time.monotonic()
+        _raised_s[0] = time.monotonic()
         if number == signal.SIGINT:
             raise KeyboardInterrupt
-        with suppress(Exception):
-            say(f"ended by {signal.Signals(number).name}; what was recorded so far is kept")
+        if not is_told:
+            with suppress(Exception):
+                say(f"ended by {signal.Signals(number).name}; what was recorded so far is kept")
+        is_told = False
         raise SystemExit(128 + number)
+
+    def again() -> None:
+        nonlocal is_told
+        _raised_s[0], is_told = -math.inf, True
+        if _leaving:
+            timers.append(threading.Timer(AGAIN_S, signal.raise_signal, _leaving[-1:]))
+            timers[-1].start()
 
     before = {number: signal.signal(number, handle) for number in heeded(*NAMES, "SIGINT")}
     _handlers.append(handle)
     try:
-        with ended_unheard(lambda: _heard_s[0], _handlers, say), _swallowed_in_silence():
+        with ended_unheard(lambda: _heard_s[0], _handlers, say), _swallowed_in_silence(again):
             yield
         leave_if_told()
     except RuntimeError:
         leave_if_told()
         raise
     finally:
+        _raised_s[0] = time.monotonic()  # nothing is raised from here on
+        for timer in timers:  # before the handlers are others'
+            timer.cancel()
+            timer.join()
         _handlers.remove(handle)
         _leaving.clear()
         for number, handler in before.items():
@@ -98,14 +114,16 @@ def leave_on_signals(say: Callable[[str], None]) -> Iterator[None]:
 
 
 @contextmanager
-def _swallowed_in_silence() -> Iterator[None]:
-    """While inside, what a handler raised and a callback swallowed gets no traceback: it is
-    remembered."""
+def _swallowed_in_silence(again: Callable[[], None]) -> Iterator[None]:
+    """While inside, what a handler raised and a callback swallowed gets no traceback; `again` is
+    called in its place."""
     hook = sys.unraisablehook
 
     def show(unraisable: "sys.UnraisableHookArgs") -> None:
         if not issubclass(unraisable.exc_type, (KeyboardInterrupt, SystemExit)):
             hook(unraisable)
+        elif threading.current_thread() is threading.main_thread():
+            again()
 
     sys.unraisablehook = show
     try:
@@ -117,6 +135,7 @@ def _swallowed_in_silence() -> Iterator[None]:
 def leave_if_told() -> None:
     """Leave the program by a signal of `leave_on_signals` that something swallowed."""
     if _leaving and threading.current_thread() is threading.main_thread():
+        _raised_s[0] = time.monotonic()
         end_by(_leaving[0])
 
 
@@ -153,4 +172,5 @@ def stop_on_signals(
         for number, handler in before.items():
             signal.signal(number, signal.SIG_DFL if handler is None else handler)
     if came and leave:
+        _raised_s[0] = time.monotonic()
         end_by(came[0])

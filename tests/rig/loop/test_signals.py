@@ -7,7 +7,7 @@ import weakref
 import pytest
 
 from rig.loop.commands import CommandSlot
-from rig.loop.signals import LEAVING_S, leave_if_told, leave_on_signals, stop_on_signals
+from rig.loop.signals import AGAIN_S, LEAVING_S, leave_if_told, leave_on_signals, stop_on_signals
 
 pytestmark = pytest.mark.usefixtures("heeded")
 
@@ -66,6 +66,44 @@ def test_a_swallowed_signal_begins_no_run_and_ends_the_program(number):
     assert [stop.outcome for stop in begun] == ["interrupted"]
     assert said == [f"ended by {number.name}; what was recorded so far is kept"]
     assert not after
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_swallowed_signal_is_raised_again_in_the_midst_of_work(number):
+    """Where work of 20 s went on that reports nothing, it was heard at its end."""
+    said, begun_s = [], time.monotonic()
+
+    def program() -> None:
+        with leave_on_signals(said.append):
+            swallowed(number)
+            while time.monotonic() < begun_s + 10.0:
+                time.sleep(0.01)
+
+    with pytest.raises((KeyboardInterrupt, SystemExit)):
+        program()
+    assert time.monotonic() - begun_s < 5.0
+    assert len(said) == (number != signal.SIGINT)
+    leave_if_told()  # nothing is left of it
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+def test_what_is_raised_again_disturbs_no_levelling():
+    """It was heard meanwhile, and the program is being left already."""
+    levelled = []
+
+    def program() -> None:
+        with leave_on_signals(lambda text: None):
+            swallowed(signal.SIGTERM)
+            try:
+                leave_if_told()
+            finally:
+                time.sleep(4 * AGAIN_S)
+                levelled.append(True)
+
+    with pytest.raises(SystemExit):
+        program()
+    assert levelled
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
