@@ -277,8 +277,9 @@ def recover(folder: Path | str, outcome: str = "killed", reason: str = "recovere
     """Complete a run that was killed: whole records compressed and indexed, with this outcome and
     reason.
 
-    A run that had ended but lost rows gets the outcome "damaged"; a complete run is only read. What
-    could not be read stays in samples.damaged.mcap, with its hash where an earlier one lies there.
+    A run that had ended but lost rows gets the outcome "damaged"; a complete run is only read. A
+    file that held more than could be read, or columns and topics of another version or tool, stays
+    as samples.damaged.mcap, with its hash where an earlier one lies there.
     Errors as of `read_run`; ValueError: it is still being recorded; OSError: no room for the new
     file (the old one stays).
     """
@@ -304,11 +305,13 @@ def recover(folder: Path | str, outcome: str = "killed", reason: str = "recovere
 def _keep_damaged(path: Path, *, ended: bool) -> None:
     """Keep a file that may hold more than could be read, beside the one that replaces it.
 
-    Half a record is what a kill leaves: of that there is nothing to be had. A run that had `ended`
-    lost rows otherwise.
+    Half a record at the end is what a kill leaves: of that there is nothing to be had. A run that
+    had `ended` lost rows otherwise, and what another version or tool wrote would be lost here.
     """
     content = file_bytes(path, LONGEST_SAMPLES)
-    if not ended and read_samples(content).unread < RECORD.itemsize:
+    found = read_samples(content)
+    is_killed = found.unread == found.tail < RECORD.itemsize
+    if not ended and is_killed and not found.foreign:
         return
     kept = path.with_suffix(f".damaged{path.suffix}")
     if kept.exists():  # of an earlier damage

@@ -53,6 +53,7 @@ OWN_ROWS = -1  # not an opcode: a block of rows in our own layout
 ENDS = (0x01, FOOTER, 0x0F)  # header, footer, end of data
 HOLDS_ROWS = (OWN_ROWS, MESSAGE, CHUNK)
 INDEXES = range(0x07, 0x0F)  # indexes, statistics, attachments, metadata: of finished files
+ATTACHED = (0x09, 0x0C)  # attachment, metadata
 FOOTER_BYTES = 20
 
 
@@ -61,13 +62,16 @@ class SamplesFile:
     """Content of a samples file: rows (n, len(COLUMNS)), events, and whether it is complete.
 
     complete: it ends as a finished file does and every byte was understood; unread: how many bytes
-    were not (of a recording that was killed: half a record at most).
+    were not, of which `tail` stand at the end (half a record of a recording that was killed);
+    foreign: it holds more than a `Recorder` of this version writes, columns or topics of others.
     """
 
     rows: np.ndarray
     events: list[dict] = field(default_factory=list)
     complete: bool = False
     unread: int = 0
+    tail: int = 0
+    foreign: bool = False
 
 
 @dataclass
@@ -84,6 +88,8 @@ class _Reading:
     events: list[dict] = field(default_factory=list)
     complete: bool = False
     unread: int = 0  # bytes that were not understood
+    tail: int = 0  # of those, after the last record
+    foreign: bool = False  # more was understood than rows and events can hold
     room: int = 0  # bytes that chunks may still hold, unpacked
     row_room: int = LEAST_ROWS  # messages but events that may still be taken one by one
     event_room: int = MOST_EVENT_BYTES  # bytes that events may still have; below 0: some are out
@@ -112,7 +118,7 @@ def read_samples(data: bytes) -> SamplesFile:
         reading.unread += RECORD.itemsize * len(again)
     ended = reading.complete and data.endswith(MAGIC)  # other readers begin at the end
     whole = ended and not reading.unread
-    return SamplesFile(rows, reading.events, whole, reading.unread)
+    return SamplesFile(rows, reading.events, whole, reading.unread, reading.tail, reading.foreign)
 
 
 def _stand_again(rows: np.ndarray, numbers: np.ndarray) -> list[int]:
@@ -180,8 +186,12 @@ def _records(buffer: bytes, reading: _Reading) -> Iterator[tuple[int, Any]]:
             position = end
             continue
         reading.unread += begin - position
+        if begin == len(buffer) and not reading.inside:
+            reading.tail = begin - position
         position = begin
     reading.unread += len(buffer) - position
+    if position < len(buffer) and not reading.inside:
+        reading.tail = len(buffer) - position
 
 
 def _next_row(buffer: bytes, position: int, stop: int, channel: int | None) -> int:
@@ -249,6 +259,7 @@ def _passed_over(opcode: int, content: bytes, reading: _Reading) -> bool:
     if len(content) == RECORD.itemsize - HEAD:
         return False
     reading.complete = reading.complete or (opcode == FOOTER and len(content) == FOOTER_BYTES)
+    reading.foreign = reading.foreign or opcode in ATTACHED
     is_finished = reading.has_chunks or not (reading.blocks or reading.events)  # or empty
     return opcode in ENDS or (opcode in INDEXES and is_finished)
 
@@ -299,19 +310,30 @@ def _take_message(content: bytes, reading: _Reading) -> None:
         raise ValueError("a message beyond all measure")
     if topic == EVENTS:
         _take_event(payload, reading)
+    elif topic == SAMPLES:
+        _take_row(content, reading)
     elif topic is None:
         raise ValueError("a message of a channel that was not declared")
-    elif topic == SAMPLES and reading.decode is not None:
-        row = np.full((1, len(COLUMNS)), np.nan)
-        own = struct.unpack_from("<H", content)[0] == reading.own_layout
-        if own and len(content) == RECORD.itemsize - HEAD:
-            # A tag is damaged, but each value has its place.
-            row[0] = np.frombuffer(payload, RECORD["cells"])["value"]
-        else:
-            for described, value in reading.decode(payload).ListFields():
-                if described.name in INDEX:
-                    row[0, INDEX[described.name]] = value
-        _take_rows(row, np.frombuffer(content, "<u4", 1, 2), reading)
+    else:
+        reading.foreign = True
+
+
+def _take_row(content: bytes, reading: _Reading) -> None:
+    """Take one row that is not in our own layout, or whose tags are damaged."""
+    row, channel = np.full((1, len(COLUMNS)), np.nan), struct.unpack_from("<H", content)[0]
+    payload = content[MESSAGE_HEAD:]
+    if channel == reading.own_layout and len(content) == RECORD.itemsize - HEAD:
+        # A tag is damaged, but each value has its place.
+        row[0] = np.frombuffer(payload, RECORD["cells"])["value"]
+    elif reading.decode is None:
+        raise ValueError("a row whose layout was not declared")
+    else:
+        for described, value in reading.decode(payload).ListFields():
+            if described.name in INDEX:
+                row[0, INDEX[described.name]] = value
+            else:
+                reading.foreign = True
+    _take_rows(row, np.frombuffer(content, "<u4", 1, 2), reading)
 
 
 def _take_event(payload: bytes, reading: _Reading) -> None:

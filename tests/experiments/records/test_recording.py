@@ -424,6 +424,15 @@ def test_recover_keeps_the_bytes_that_it_cannot_read(tmp_path):
     assert (tmp_path / "samples.damaged.mcap").read_bytes() == content
 
 
+@pytest.mark.parametrize(("more", "kept"), [(-1, False), (0, True)])
+def test_recover_keeps_a_tail_that_may_be_a_whole_row(tmp_path, more: int, kept: bool):
+    recorder = record(tmp_path, example(), events=[])
+    os.write(recorder._file, bytes(RECORD.itemsize + more))
+    os.close(recorder._file)
+    recover(tmp_path)
+    assert (tmp_path / "samples.damaged.mcap").exists() == kept
+
+
 def test_recover_of_a_run_that_was_killed_before_its_last_word_leaves_its_rows(tmp_path):
     recorder = record(tmp_path, example())
     recorder._write(plain_ending())
