@@ -250,6 +250,24 @@ def write_whole(
         raise
 
 
+def write_ours(path: Path, content: bytes, mark: bytes) -> None:
+    """`write_whole` a file that bears `mark`. One of its name without it is somebody's, and is kept
+    as NAME.1, NAME.2 ...; OSError: it cannot be written.
+    """
+    try:
+        ours = mark in file_bytes(path)
+    except FileNotFoundError:
+        ours = True
+    except ValueError:  # a pipe, or too long to be ours
+        ours = False
+    with naming(path):
+        part = part_of(path)
+        write_whole(part, content)
+        if not ours:
+            put_aside(path)
+        part.replace(path)
+
+
 @contextmanager
 def naming(path: Path) -> Iterator[None]:
     """Have an OSError from within that names no file, or a part of `path`, name `path`: of a full

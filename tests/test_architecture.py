@@ -91,3 +91,29 @@ def test_a_function_fits_a_screen():
 def test_a_floor_holds_no_more_files_than_a_stranger_reads():
     floors = {folder: len(list(folder.glob("*.py"))) for folder in {p.parent for p in SOURCES}}
     assert not {folder: files for folder, files in floors.items() if files > 20}
+
+
+# Files that nobody else could have put there: new ones (a name that must not exist, a folder made
+# for this, a name of their own that takes the place of the other), or what a user named.
+WRITES_ITSELF = {
+    "rig/hardware/network/token_file.py",  # exist_ok=False
+    "experiments/blind/analysis_jobs.py",  # a temporary folder
+    "experiments/dashboard/session/calibration_tasks.py",  # an archive in memory
+    "experiments/export/fmu/archive.py",  # a temporary folder, and a file beside the other
+    "experiments/records/run_folder.py",  # after `freed`
+    "experiments/own_controllers/train.py",  # --out FILE
+}
+
+
+def test_files_are_written_whole_and_over_no_link():
+    found = {
+        path.relative_to(ROOT).as_posix()
+        for path in SOURCES
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Call)
+        and (
+            getattr(node.func, "attr", "") in ("write_text", "write_bytes", "touch")
+            or ("ZipFile" in ast.unparse(node.func) and len(node.args) > 1)  # to be written
+        )
+    }
+    assert found == WRITES_ITSELF

@@ -9,9 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
-from rig.files import write_whole
+from rig.files import write_ours, write_whole
 
 MM_PER_POINT = 25.4 / 72
+MADE = b"%made by balancing-table-rig\n"  # a comment in PDF
 PAPERS_MM = {
     "a4": (210.0, 297.0),
     "a3": (297.0, 420.0),
@@ -99,7 +100,9 @@ def _covered(start: float, end: float, size: int) -> np.ndarray:
 
 
 def write_pdf(pages: list[Page], path: Path) -> None:
-    """Write the pages as a PDF of true size. `OSError`: not written; an older one stays."""
+    """Write the pages as a PDF of true size. `OSError`: not written; an older one stays, and
+    one of somebody else's is kept beside the new one.
+    """
     objects: list[bytes] = [b"", b""]  # catalogue and page tree come to know the pages below
     font = b"<< /Type /Font /Subtype /Type1 /BaseFont /Helvetica >>"
     objects.append(font)
@@ -116,11 +119,11 @@ def write_pdf(pages: list[Page], path: Path) -> None:
     # PrintScaling None asks the viewer not to fit the page to the printer's margins.
     objects[0] = b"<< /Type /Catalog /Pages 2 0 R /ViewerPreferences << /PrintScaling /None >> >>"
     objects[1] = f"<< /Type /Pages /Count {len(kids)} /Kids [{' '.join(kids)}] >>".encode()
-    write_whole(path, _file(objects))
+    write_ours(path, _file(objects), MADE)
 
 
 def _file(objects: list[bytes]) -> bytes:
-    out, places = b"%PDF-1.7\n", []
+    out, places = b"%PDF-1.7\n" + MADE, []
     for number, body in enumerate(objects, 1):
         places.append(len(out))
         out += b"%d 0 obj\n%s\nendobj\n" % (number, body)

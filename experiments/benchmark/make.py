@@ -24,7 +24,7 @@ from experiments.progress import ProgressCall, silent
 from experiments.records.run_folder import writable
 from experiments.runs.protocol import read_protocol
 from experiments.workers import results_of
-from rig.files import naming, write_whole
+from rig.files import naming, write_ours
 from rig.log import CONTRACT, Log
 from rig.rigfile import write_rig
 
@@ -89,7 +89,7 @@ def _sealed(
         trials[trial.name] = trial
         progress("logs", len(trials), len(cases))
     rules = (files("experiments") / "benchmark" / RULES).read_text(encoding="utf-8")
-    write_whole(out / RULES, rules.encode())
+    write_ours(out / RULES, rules.encode(), rules.encode().partition(b"\n")[0])
     return seal([trials[name] for name in sorted(trials)], out)
 
 

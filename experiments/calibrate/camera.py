@@ -55,12 +55,12 @@ def sheet_of(squares: str, square_mm: float, marker_mm: float, dictionary: str) 
 
 def make_sheets(
     rig_file: Path | None, out: Path, *, paper: str, sheet: Sheet, plate_marker_mm: float
-) -> None:
+) -> list[Path]:
     """Write the sheets to print: charuco.pdf, plate.pdf, fixed.pdf, and their pages as PNG.
 
-    The PNG files have 300 dots an inch. paper: "a4", "a3", "letter", "legal" or "tabloid".
-    ValueError: the paper is unknown or too small, or the rig file is wrong; OSError: `out` cannot
-    be written.
+    Returns the paths of the PDF files. The PNG files have 300 dots an inch. paper: "a4", "a3",
+    "letter", "legal" or "tabloid". ValueError: the paper is unknown or too small, or the rig file
+    is wrong; OSError: `out` cannot be written.
     """
     side_m = load_rig(rig_file).linkage.side_m
     layout = default_layout(side_m, plate_marker_mm / 1e3)
@@ -77,6 +77,7 @@ def make_sheets(
         f"{height:g} mm, squares of {1e3 * sheet.square_m:g} mm; tell rig calibrate what you "
         "measure (--square-mm, --marker-mm, --plate-marker-mm)"
     )
+    return [folder / f"{name}.pdf" for name in pages]
 
 
 def calibrate_camera(

@@ -107,7 +107,8 @@ class CalibrationFolder:
         """
         own = self.path / RIG_FILE
         if rig_file is not None and own.is_file():
-            typer.echo(f"note: continues with {own}, made before, not with {rig_file}", err=True)
+            words = f"note: goes on from {own}, which holds what the earlier steps here measured"
+            typer.echo(f"{words}; {rig_file} is not read again", err=True)
         return self._rig(rig_file)
 
     def _rig(self, rig_file: Path | None) -> Rig:

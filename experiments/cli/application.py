@@ -267,6 +267,8 @@ def recover(run: Annotated[Path, typer.Argument(help="Run folder that was cut of
 
     mended = mend(run)
     say(f"{run}: {len(mended.log)} rows, outcome {mended.meta['outcome']}")
+    for kept in sorted(run.glob("samples.damaged*.mcap")):
+        say(f"{kept}: the file before, which held more than could be read")
 
 
 @app.command()

@@ -100,6 +100,7 @@ def _check_request(
     from rig.rigfile import refuse_own
 
     refuse_own(out / "rig.toml")
+    refuse_input("--out", out / "rig.toml", [rig_file] if rig_file else [], "rig file")
     refuse_other_results(out)
     if json_file is not None:
         refuse_input("--json", json_file, logs)
@@ -159,10 +160,11 @@ def _tolerances(logs: Sequence[Path], *, rig_file: Path | None, out: Path) -> No
     """Learn tolerances and floors of a table from clean runs; write them into OUT/rig.toml."""
     from calibration.gap.tolerances import learn
     from experiments.gap.input import read_evidence
-    from experiments.records.run_folder import writable
+    from experiments.records.run_folder import refuse_input, writable
     from rig.rigfile import refuse_own, write_rig
 
     refuse_own(out / "rig.toml")
+    refuse_input("--out", out / "rig.toml", [rig_file] if rig_file else [], "rig file")
     inputs, folder = read_evidence(list(logs), rig_file), writable(out)
     learned = learn(inputs.logs, inputs.rig)
     write_rig(learned, folder / "rig.toml")

@@ -14,7 +14,7 @@ from typing import Any
 from jinja2 import Environment, PackageLoader
 
 from experiments.reports.units import unbroken
-from rig.files import put_aside, write_whole
+from rig.files import write_ours
 
 
 @dataclass(frozen=True)
@@ -112,9 +112,8 @@ def write_page(
     text = pages.get_template(template).render(
         title=title, summary=summary, sections=sections, sorts=sorts, **content
     )
-    if path.is_file() and PROGRAM.encode() not in path.read_bytes():
-        put_aside(path)
-    write_whole(path, text.encode(errors="replace"))  # names of files need not be text
+    # Names of files need not be text.
+    write_ours(path, text.encode(errors="replace"), PROGRAM.encode())
     return path
 
 
@@ -131,10 +130,11 @@ def made_words(*more: str) -> str:
 
 
 def recompute_section(how: str, command: str = "") -> Section:
-    """A section of a page, *How to recompute*: in words, and the command to type."""
-    return Section(
-        "How to recompute", [*filter(None, (how,)), *([Code(command)] if command else [])]
-    )
+    """A section of a page, *How to recompute*: in words, and the commands to type, a line each,
+    which `uv run` finds in any folder of the checkout.
+    """
+    typed = "\n".join(f"uv run {line}" for line in command.splitlines())
+    return Section("How to recompute", [*filter(None, (how,)), *([Code(typed)] if typed else [])])
 
 
 SETTLED = (

@@ -7,7 +7,7 @@ from experiments.progress import ProgressCall, silent
 from experiments.runs.protocol import read_protocol
 from experiments.runs.runner import RunRequest, keep_simulated, simulate_run
 from experiments.sheets.catalogue import LabSheet, Question
-from rig.files import write_whole
+from rig.files import write_ours, write_whole
 from rig.rigfile import refuse_own, write_rig
 
 RESULTS, EXERCISE, BLANK = "results.toml", "exercise.md", "?"
@@ -38,7 +38,7 @@ def hand_out(
     progress("recording your table's runs", len(sheet.runs), len(sheet.runs))
     if not (out / RESULTS).exists():
         write_whole(out / RESULTS, blank_results(sheet, student).encode())
-    write_whole(out / EXERCISE, exercise(sheet, out).encode())
+    write_ours(out / EXERCISE, exercise(sheet, out).encode(), b"uv run rig ")
     return made
 
 

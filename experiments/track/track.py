@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from experiments.picture_files import write_image
 from experiments.records.run_folder import refuse_input, write_results
-from rig.files import freed, naming
+from rig.files import freed, naming, put_aside
 
 if TYPE_CHECKING:
     import numpy as np
@@ -30,7 +30,9 @@ if TYPE_CHECKING:
 PIXEL_COLUMNS = ("frame", "t_s", "state", "u_px", "v_px", "sigma_px")
 METRIC_COLUMNS = ("x_m", "y_m", "cov_xx_m2", "cov_xy_m2", "cov_yy_m2")
 SHEET, RESULTS = "contact_sheet.png", "results.json"
-MADE = ("track.csv", "overlay.mp4", SHEET, RESULTS)
+TRACK = "track.csv"
+MADE = (TRACK, "overlay.mp4", SHEET, RESULTS)
+EARLIER = "earlier-"  # before the names of files that a later film may replace
 SHEET_IMAGES = 48
 SHEET_COLUMNS = 6
 SHEET_WIDTH_PX = 320
@@ -95,6 +97,7 @@ def track_video(
         tracker = _tracker(address, source.live, appearance, radius, ball_at)
         out = Path(out_dir)
         out.mkdir(parents=True, exist_ok=True)
+        _make_room(out)
         if progress is not None:
             progress(0, source.frames_total)
         states, times, troubles = _follow(source, tracker, calibration, out, progress)
@@ -103,6 +106,8 @@ def track_video(
         summary["notes"] += troubles
         summary["files"] = [name for name in MADE if name == RESULTS or (out / name).is_file()]
     write_results(out, summary)
+    for name in MADE:
+        (out / f"{EARLIER}{name}").unlink(missing_ok=True)
     return summary
 
 
@@ -116,6 +121,28 @@ def _clear(out: Path, address: str | Path | int) -> None:
     for name in MADE:
         refuse_input("--out", out / name, [place] if place and is_read else [])
         freed(out / name)
+
+
+def _make_room(out: Path) -> None:
+    """Keep what lies where files are made: earlier results, until these are whole, too, in case
+    they never are, and files of somebody else's for good.
+    """
+    made = [out / name for name in MADE if (out / name).is_file()]
+    ours, whole = _is_ours(out / TRACK), out / RESULTS in made
+    for path in made:
+        if ours and whole:  # else they are those of a film that was left
+            path.replace(out / f"{EARLIER}{path.name}")
+        elif not ours and path.name != RESULTS:  # which `write_results` looks at
+            put_aside(path)
+
+
+def _is_ours(path: Path) -> bool:
+    """Is that a table of this program's?"""
+    try:
+        with path.open("rb") as file:
+            return file.readline(200).startswith(",".join(PIXEL_COLUMNS).encode())
+    except FileNotFoundError:
+        return False
 
 
 def place_of(text: str) -> tuple[float, ...]:
@@ -199,8 +226,8 @@ def _follow(
             calibration.view, calibration.layout, tracker, calibration.ball_radius_m
         )
     with (
-        naming(out / "track.csv"),
-        (out / "track.csv").open("w", newline="", encoding="utf-8") as file,
+        naming(out / TRACK),
+        (out / TRACK).open("w", newline="", encoding="utf-8") as file,
         Overlay(out / "overlay.mp4", source.size) as film,
     ):
         rows = csv.writer(file)

@@ -15,7 +15,7 @@ import pytest
 from calibration.bundle import Draft
 from experiments.export.export_model import export_model
 from experiments.records.exporting import export_log
-from rig.files import write_whole
+from rig.files import write_ours, write_whole
 from rig.hardware.homing.home import Homing
 from rig.hardware.homing.homed import Homed
 from rig.hardware.wiring import Wiring
@@ -89,3 +89,17 @@ def test_of_two_who_write_at_once_each_file_is_whole(tmp_path: Path):
     assert torn
     assert not any(torn)
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_file_of_somebody_elses_is_kept_beside_ours(tmp_path: Path):
+    path, mark = tmp_path / "exercise.md", b"made by us"
+    for content in (b"made by us, once", b"made by us, twice"):
+        write_ours(path, content, mark)
+        assert path.read_bytes() == content
+    assert [one.name for one in tmp_path.iterdir()] == ["exercise.md"]
+    for text in (b"my own", b"of mine again"):
+        path.write_bytes(text)
+        write_ours(path, content, mark)
+    assert path.read_bytes() == content
+    assert (tmp_path / "exercise.md.1").read_bytes() == b"my own"
+    assert (tmp_path / "exercise.md.2").read_bytes() == b"of mine again"

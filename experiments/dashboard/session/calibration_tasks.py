@@ -6,6 +6,7 @@ from pathlib import Path
 
 from experiments.dashboard.session.tasks import CaptionedPicture
 from experiments.dashboard.session.worker_process import ProgressSender
+from rig.files import write_whole
 from rig.parameters import Rig
 
 CALIBRATION_STEPS = ("camera", "table", "time", "level", "servo", "play")
@@ -160,6 +161,7 @@ def print_sheets(rig: Rig, out: Path, progress: ProgressSender) -> Path:
 
     ValueError: the plate or its markers do not fit; OSError: `out` cannot be written.
     """
+    from io import BytesIO
     from zipfile import ZipFile
 
     from experiments.calibrate.camera import make_sheets, sheet_of
@@ -168,8 +170,12 @@ def print_sheets(rig: Rig, out: Path, progress: ProgressSender) -> Path:
     progress("drawing the sheets", 0, 1)
     out.mkdir(parents=True, exist_ok=True)
     write_rig(rig, out / "table.toml")
-    make_sheets(out / "table.toml", out, paper="a4", sheet=sheet_of(*SHEET), plate_marker_mm=24.0)
-    with ZipFile(out / "sheets.zip", "w") as packed:
-        for page in sorted(out.glob("*.pdf")):
-            packed.write(page, page.name)
+    made = make_sheets(
+        out / "table.toml", out, paper="a4", sheet=sheet_of(*SHEET), plate_marker_mm=24.0
+    )
+    with BytesIO() as file:
+        with ZipFile(file, "w") as packed:
+            for page in made:
+                packed.write(page, page.name)
+        write_whole(out / "sheets.zip", file.getvalue())
     return out / "sheets.zip"

@@ -10,7 +10,7 @@ import numpy as np
 
 from experiments.dashboard.session.tasks import CaptionedPicture
 from experiments.dashboard.session.worker_process import ProgressSender
-from rig.files import json_of
+from rig.files import json_of, write_whole
 
 if TYPE_CHECKING:
     from experiments.gap.closed_loop_replay import ModelComparison
@@ -92,7 +92,7 @@ def find_gap(
         progress("both models, side by side", 0, 1)
         models = compare_models(read_evidence(paths), findings.rig_before, findings.rig_after)
     short = _short(findings, paths, calibration, demo=logs is None)
-    (folder / ANSWER).write_text(json.dumps(asdict(short)), encoding="utf-8")
+    write_whole(folder / ANSWER, json.dumps(asdict(short)).encode())
     return GapAnswer(short, report, pictures_of(folder), _plate_map(findings.maps), models)
 
 

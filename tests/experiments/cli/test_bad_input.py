@@ -13,6 +13,8 @@ from experiments.records.recording import Recorder
 from experiments.records.run_folder import write_results
 from experiments.runs.protocol import shipped
 from rig.effects import BY_NAME
+from rig.parameters import Rig
+from rig.rigfile import write_rig
 from tests.support.command import told
 from tests.support.gap.logs import table_log
 
@@ -83,6 +85,12 @@ def test_gap_writes_over_nothing_that_is_the_users_own(tmp_path: Path):
     given = ("gap", log, run, "--rig", rig_file, "--out", tmp_path / "o", "--json")
     assert "is the recording itself" in refused(*given, log)
     assert "is the rig file itself" in refused(*given, rig_file)
+    made = tmp_path / "made" / "rig.toml"  # by a command, so that it might be written over
+    made.parent.mkdir()
+    write_rig(Rig(), made)
+    for more in ((), ("--tolerances-from",)):
+        onto_it = ("gap", log, "--rig", made, "--out", made.parent, *more)
+        assert "is the rig file itself" in refused(*onto_it)
     assert "lies in the recording" in refused(*given, run / "run.json")
     for more in ((), ("--tolerances-from",)):
         assert "a rig file of yours" in refused("gap", log, "--out", tmp_path, *more)

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 import pytest
 
-from experiments.track.track import METRIC_COLUMNS, PIXEL_COLUMNS, place_of, track_video
+from experiments.track.track import MADE, METRIC_COLUMNS, PIXEL_COLUMNS, place_of, track_video
 from tests.support.footage import rolling
 from tests.support.parts import FOOTAGE, needs
 from vision.plate.markers import default_layout
@@ -257,3 +257,33 @@ def test_what_was_not_written_is_not_listed(tmp_path, monkeypatch):
     assert summary["files"] == ["track.csv", "overlay.mp4", "results.json"]
     assert summary["notes"][-1] == "no contact sheet: No space left on device"
     assert not (tmp_path / "out" / "contact_sheet.png").exists()
+
+
+def test_an_earlier_result_stays_until_there_is_a_whole_new_one(tmp_path: Path):
+    """A second film, left before its end, took the first one's rows and film with it."""
+    film = write(tmp_path / "v.mp4", rolling("green", seconds=0.4, size=(320, 240)))
+    out = tmp_path / "out"
+    track_video(film, out)
+    whole = {name: (out / name).read_bytes() for name in MADE}
+
+    def left(done: int, total: int | None) -> None:
+        if done:
+            raise KeyboardInterrupt
+
+    for _ in range(2):
+        with pytest.raises(KeyboardInterrupt):
+            track_video(film, out, progress=left)
+        assert {name: (out / f"earlier-{name}").read_bytes() for name in MADE} == whole
+        assert not (out / "results.json").exists()  # it would speak of other rows
+    track_video(film, out)
+    assert {path.name for path in out.iterdir()} == set(MADE)
+
+
+def test_somebodys_own_files_of_these_names_are_kept_beside(tmp_path: Path):
+    film = write(tmp_path / "v.mp4", rolling("green", seconds=0.4, size=(320, 240)))
+    (tmp_path / "out").mkdir()
+    for name in ("track.csv", "overlay.mp4"):
+        (tmp_path / "out" / name).write_text("mine")
+    track_video(film, tmp_path / "out")
+    for name in ("track.csv.1", "overlay.mp4.1"):
+        assert (tmp_path / "out" / name).read_text() == "mine"
