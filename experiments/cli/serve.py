@@ -27,7 +27,7 @@ def serve(
     from experiments.runs.assemble import load_rig
     from rig.hardware.choose import check_drive, open_table
     from rig.hardware.network.serve import Server
-    from rig.hardware.network.token_file import make_token, read_token
+    from rig.hardware.network.token_file import is_from_here, make_token, read_token
     from rig.loop.realtime import go_realtime
     from rig.parameters import ANGLE_KINDS
 
@@ -46,6 +46,11 @@ def serve(
         make_token(token_file)
         say(f"made {token_file}: copy it to the machine that shall drive the table")
     token = read_token(token_file)
+    if not is_from_here(token_file):
+        say(
+            f"{token_file} was not made here: whoever made it can drive this table; remove it, and "
+            "a new one is made"
+        )
     table = open_table(known, homed=False)
     with table, saying_aside() as aside:
         server = Server(table, token, servo=known.servo, host=host, port=port, say=aside)

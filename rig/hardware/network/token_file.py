@@ -8,6 +8,7 @@ import secrets
 import socket
 import stat
 import sys
+from contextlib import suppress
 from pathlib import Path
 
 from rig.files import put_aside
@@ -35,7 +36,7 @@ def check_host(host: str) -> None:
 
 
 def read_token(path: Path) -> bytes:
-    """Return the token of a file, without white space at its ends.
+    """Return the token of a file, its first line.
 
     FileNotFoundError: no such file. ValueError: others than its owner can read it, or it holds
     fewer than `SHORTEST_TOKEN` characters. Both messages are one line and say what to do.
@@ -47,7 +48,7 @@ def read_token(path: Path) -> bytes:
     mode = path.stat().st_mode
     if sys.platform != "win32" and mode & (stat.S_IRWXG | stat.S_IRWXO):
         raise ValueError(f"token file {path} can be read by others: chmod 600 {path}")
-    token = path.read_bytes().strip()
+    token = b"".join(_lines(path)[:1])
     if len(token) < SHORTEST_TOKEN:
         raise ValueError(
             f"token file {path} holds {len(token)} characters, {SHORTEST_TOKEN} are needed: "
@@ -57,9 +58,18 @@ def read_token(path: Path) -> bytes:
 
 
 def make_token(path: Path) -> None:
-    """Write a new token (64 hexadecimal digits). FileExistsError: the file exists."""
+    """Write a new token (64 hexadecimal digits), and behind it where the file lies on its disk.
+    FileExistsError: the file exists.
+    """
     path.touch(mode=0o600, exist_ok=False)
-    path.write_text(secrets.token_hex(32) + "\n", encoding="ascii")
+    path.write_text(f"{secrets.token_hex(32)}\n{_place(path)}\n", encoding="ascii")
+
+
+def is_from_here(path: Path) -> bool:
+    """Whether a token file was made where it lies: in a folder that somebody packed and sent, or
+    that was copied, it is at another place of the disk, and who sent it knows the token.
+    """
+    return _lines(path)[1:] == [_place(path).encode()]
 
 
 def keep_token(path: Path) -> str:
@@ -67,26 +77,25 @@ def keep_token(path: Path) -> str:
     `read_token` refuses the file, and where it came from elsewhere.
 
     A server that is started again keeps its token, so that an open page finds it again. Delete the
-    file for a new token. Behind the token stands where the file lies on its disk: in a folder that
-    somebody packed and sent, or that was copied, it is another place, and who sent it knows the
-    token. What is not taken may be somebody's file of that name: it is kept beside the new one as
-    NAME.1, NAME.2 ... ValueError: it is a folder, a pipe or a link to nothing. OSError: it cannot
-    be written.
+    file for a new token. What is not taken may be somebody's file of that name: it is kept beside
+    the new one as NAME.1, NAME.2 ... ValueError: it is a folder, a pipe or a link to nothing.
+    OSError: it cannot be written.
     """
     if os.path.lexists(path):
         if not path.is_file():
             raise ValueError(f"{path} is there and is no file: remove it, or choose another folder")
-        try:
-            token, place = read_token(path).decode("ascii").split()
-        except ValueError:  # too short, read by others, no text, or no place
-            place = token = ""
-        if place == _place(path):
-            return token
+        with suppress(ValueError):  # too short, read by others, no text
+            token = read_token(path).decode("ascii")
+            if is_from_here(path):
+                return token
         put_aside(path)
     make_token(path)
-    with path.open("a", encoding="ascii") as file:
-        file.write(f"{_place(path)}\n")
-    return read_token(path).decode("ascii").split()[0]
+    return read_token(path).decode("ascii")
+
+
+def _lines(path: Path) -> list[bytes]:
+    """Lines of a file, without white space at its ends and theirs."""
+    return [line.strip() for line in path.read_bytes().strip().splitlines()]
 
 
 def _place(path: Path) -> str:

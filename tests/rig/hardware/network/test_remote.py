@@ -1,5 +1,6 @@
 """The remote table over real sockets: contract, secret, silence, clocks."""
 
+import shutil
 import socket
 import threading
 import time
@@ -18,7 +19,7 @@ from rig.hardware.network.client_watchdog import HOLD_S, ClientWatchdog
 from rig.hardware.network.link_clock import LinkClock
 from rig.hardware.network.remote import LONGEST_ROUND_TRIP_S, RemoteTable
 from rig.hardware.network.serve import Server
-from rig.hardware.network.token_file import make_token, read_token
+from rig.hardware.network.token_file import is_from_here, make_token, read_token
 from rig.hardware.wiring import Wiring
 from rig.parameters import Rig, Servo
 from rig.simulation.simulator import SimulatedTable
@@ -425,6 +426,14 @@ def test_token_files(tmp_path: Path):
     make_token(path)
     assert path.stat().st_mode & 0o777 == 0o600
     assert len(read_token(path)) == 64
+    assert is_from_here(path)
+    copied = tmp_path / "copied.token"
+    shutil.copy2(path, copied)
+    assert read_token(copied) == read_token(path)
+    assert not is_from_here(copied)
+    copied.write_text("\n a phrase of mine \n")
+    assert read_token(copied) == b"a phrase of mine"
+    assert not is_from_here(copied)
     path.chmod(0o644)
     with pytest.raises(ValueError, match="chmod 600"):
         read_token(path)
