@@ -11,7 +11,7 @@ from experiments.dashboard.app import App
 from experiments.dashboard.server.door import allow_files
 from experiments.dashboard.server.server import link_of, open_server
 from experiments.dashboard.session.foxglove_stream import FoxgloveStream
-from rig.hardware.network.token_file import keep_token
+from rig.hardware.network.token_file import is_from_here, keep_token
 from rig.loop.signals import NAMES, end_by, heeded
 from rig.parameters import Rig
 
@@ -31,10 +31,11 @@ def serve_dashboard(
 
     rig_file: of `rig`, None for the virtual table; out: folder of everything that is made; host,
     port: where to listen (port 0: any free one); foxglove_port: serves the live table to Foxglove,
-    too; say: is given the link to open, and Foxglove's. PortBusyError (a ValueError): the port is
-    taken, nothing was started.
+    too; say: is given the link to open, and Foxglove's. ValueError: the port is taken
+    (PortBusyError), or a folder that came from elsewhere leads out of itself; nothing was started.
     """
     allow_files()
+    _refuse_links(out)
     stream = None if foxglove_port is None else FoxgloveStream(foxglove_port)
     server, gate = open_server(host, port, keep_token(out / "token"))
     app = App(server, rig, out, rig_file=rig_file, stream=stream)
@@ -50,6 +51,20 @@ def serve_dashboard(
             with redirect_stdout(io.StringIO()):
                 server.stop()
     end_by(came[0])
+
+
+def _refuse_links(out: Path) -> None:
+    """ValueError: the folder came from elsewhere and holds links to folders, into which the page
+    would write: whoever packed it chose where they lead."""
+    token = out / "token"
+    if not out.is_dir() or (token.is_file() and is_from_here(token)):
+        return
+    links = sorted(path.name for path in out.iterdir() if path.is_symlink() and path.is_dir())
+    if links:
+        raise ValueError(
+            f"{out} came from elsewhere, and {', '.join(links)} in it lead to other folders, into "
+            "which the page would write: remove these links"
+        )
 
 
 @contextmanager

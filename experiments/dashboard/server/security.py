@@ -5,19 +5,21 @@ page's own address, which bears no token; page and websocket bring the cookie. A
 site knows neither token nor cookie and bears another Origin; a name that somebody points at this
 machine (DNS rebinding) is another Host. A browser sends a cookie to every port of its host: this
 one is bound to the path of the page, as hard to guess as the token, so that a server of somebody
-else on this machine is not sent it.
+else on this machine is not sent it; and it holds for one start of the program, since a page that
+stands open sends it to whoever takes the port when the program has ended (`returning`).
 """
 
 import ipaddress
 import re
+import secrets
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from hashlib import sha256
 from hmac import compare_digest
 from http.cookies import CookieError, SimpleCookie
 from urllib.parse import parse_qs, parse_qsl, urlencode
 
-from experiments.dashboard.server.shell import PARTS, SCRIPT_HASH, VIEW_HASH
+from experiments.dashboard.server.shell import PARTS, SCRIPT_HASH, UNPROVEN, VIEW_HASH
 
 # The two scripts of viser 1.1.1's page (loader, and the program that it unpacks), our bar's and the
 # big view's.
@@ -59,18 +61,19 @@ class PageRequest:
 
 @dataclass(frozen=True)
 class Gate:
-    """Decides which requests reach the page: who has the token (or its cookie), from this page's
+    """Decides which requests reach the page: who has the token (or the cookie), from this page's
     own address.
 
     token: the secret of the link; port: where the server listens; names: allowed values of the Host
     header; any_address: any IP address is allowed as well, for a server that listens to the network
-    (unlike a name, an address cannot be rebound to another machine).
+    (unlike a name, an address cannot be rebound to another machine); key: what the cookie holds.
     """
 
     token: str
     port: int
     names: frozenset[str] = LOCAL_NAMES
     any_address: bool = False
+    key: str = field(default_factory=lambda: secrets.token_hex(32), compare=False)
 
     @property
     def path(self) -> str:
@@ -94,6 +97,8 @@ class Gate:
             return None
         part = self.part_of(request.path)
         known = part in PARTS and not request.websocket
+        if known and part in UNPROVEN:
+            return None
         if not ((known or part == "") and self._in_cookies(request.cookies)):
             return "no valid token: open the link that rig dashboard printed"
         return None
@@ -103,7 +108,7 @@ class Gate:
         to the page's own address.
         """
         tokens = parse_qs(request.path.partition("?")[2]).get("token", [])
-        return not request.websocket and any(map(self._right, tokens))
+        return not request.websocket and any(_same(given, self.token) for given in tokens)
 
     def page_of(self, path: str) -> str:
         """Path of the page with the query of `path` less the token: where the link leads on to."""
@@ -133,24 +138,27 @@ class Gate:
                 found = SimpleCookie(text).get(self.cookie)
             except CookieError:
                 continue
-            if found is not None and self._right(found.value):
+            if found is not None and _same(found.value, self.key):
                 return True
         return False
 
-    def _right(self, given: str) -> bool:
-        return compare_digest(given.encode("utf-8", "replace"), self.token.encode())
-
     def headers(self) -> dict[str, str]:
-        """HTTP headers of every answer: cookie, what the page may load, no referrer, no cache."""
+        """HTTP headers of every answer to who has proved himself: cookie, what the page may load,
+        no referrer, no cache.
+        """
         # Lax, not Strict: the link may stand in somebody's message, and be followed from there.
         bounds = f"HttpOnly; SameSite=Lax; Path={self.path}"
         return {
-            "Set-Cookie": f"{self.cookie}={self.token}; {bounds}",
+            "Set-Cookie": f"{self.cookie}={self.key}; {bounds}",
             "X-Frame-Options": "DENY",
             "Content-Security-Policy": CONTENT_POLICY,
             "Referrer-Policy": "no-referrer",
             "Cache-Control": "no-store",
         }
+
+
+def _same(given: str, right: str) -> bool:
+    return compare_digest(given.encode("utf-8", "replace"), right.encode())
 
 
 def _is_address(name: str) -> bool:

@@ -6,6 +6,7 @@ when one is busy and opens a tunnel to the internet when any page asks. None of 
 
 import errno
 import io
+import json
 import socket
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stdout
@@ -14,8 +15,9 @@ from weakref import WeakKeyDictionary
 
 from experiments.dashboard.server.door import crowd_limit
 from experiments.dashboard.server.messages import LONGEST
+from experiments.dashboard.server.returning import Returning
 from experiments.dashboard.server.security import Gate, PageRequest, gate_of, in_address
-from experiments.dashboard.server.shell import PARTS, Shell, dressed
+from experiments.dashboard.server.shell import PARTS, UNPROVEN, Shell, dressed
 from experiments.dashboard.server.wake import wake_from_any_thread
 from rig.hardware.network.token_file import check_host
 
@@ -82,33 +84,38 @@ def guarded(
     viser's own (None: it has none).
 
     Who may not pass, or speaks as another version of viser's page does, is answered 403 and a
-    sentence; who comes by the link with the token is led on
-    to the page's own address (303). passed: hears of the connections that may; shell: answers the
-    bar around the page, and gives it to the page.
+    sentence; who comes by the link with the token is led on to the page's own address (303); a page
+    that was open before is asked for a proof of that. passed: hears of the connections that may;
+    shell: answers the bar around the page, and gives it to the page.
     """
     from websockets.datastructures import Headers
     from websockets.http11 import Response
 
-    shell = shell or Shell()
+    shell, returning = shell or Shell(), Returning(gate.token)
+    shell.secret = returning.secret
 
     def guard(connection: Any, request: Any):
         asked = page_request(request)
         why = gate.refusal(asked) or (_other_version(request) if asked.websocket else None)
         if why is not None:
-            body = f"{why}\n".encode()
-            head = Headers({"Content-Type": "text/plain", "Content-Length": str(len(body))})
-            return Response(403, "Forbidden", head, body)
-        passed(connection)
+            return _refused(why)
+        part = gate.part_of(request.path)
+        if part not in UNPROVEN:
+            passed(connection)
         if gate.bears_token(asked):
             head = Headers({"Location": gate.page_of(request.path), "Content-Length": "0"})
             head.update(gate.headers())
             return Response(303, "See Other", head)
-        part = gate.part_of(request.path)
         if part:
-            body = shell.answer(part, _caller(connection))
-            head = Headers({"Content-Type": PARTS[part], "Content-Length": str(len(body))})
-            head.update(gate.headers())
-            return Response(200, "OK", head, body)
+            head, body = gate.headers(), b"{}"
+            if part == "question":
+                head, body = {}, json.dumps({"number": returning.question()}).encode()
+            elif part != "return":
+                body = shell.answer(part, _caller(connection))
+            elif not returning.is_answered(request.path, asked.hosts[0]):
+                return _refused("no valid proof: open the link that rig dashboard printed")
+            sized = {"Content-Type": PARTS[part], "Content-Length": str(len(body))}
+            return Response(200, "OK", Headers(sized | head), body)
         request.path = "/"  # the only page that viser serves
         answer = process_request(connection, request) if process_request else None
         if answer is not None:
@@ -117,6 +124,16 @@ def guarded(
         return answer
 
     return guard
+
+
+def _refused(why: str) -> Any:
+    """The answer to who may not pass."""
+    from websockets.datastructures import Headers
+    from websockets.http11 import Response
+
+    body = f"{why}\n".encode()
+    head = Headers({"Content-Type": "text/plain", "Content-Length": str(len(body))})
+    return Response(403, "Forbidden", head, body)
 
 
 def _other_version(request: Any) -> str | None:

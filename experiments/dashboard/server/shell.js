@@ -60,12 +60,31 @@
   // --- what the program says ---
   let now = "", gone = false, lostAt = null, stoppingAt = null, began = "", timer = 0, asked = 0,
     halts = 0, unheard = false,  // unheard: STOP, which is asked again
+    anew = false,  // started anew, and this page cannot return by itself
+    secret = "",  // in this page's memory alone: whoever serves a page here later never sees it
     heardAt = Date.now(), shownAt = Date.now();
   const ask = async (what) => {
     const patience = AbortSignal.timeout(PATIENCE_MS);
     const answer = await fetch(`${here}/${what}`, { cache: "no-store", signal: patience });
+    if (answer.status === 403 && secret) await comeBack(patience);
     if (!answer.ok) throw new Error(answer.statusText);
     return answer.json();
+  };
+  // The program was started anew, or it is another one: this page proves that it was open before,
+  // for its own address alone.
+  const comeBack = async (signal) => {
+    if (!window.crypto?.subtle) {  // over the network without TLS
+      anew = true;
+      return;
+    }
+    const coded = (text) => new TextEncoder().encode(text);
+    const how = { name: "HMAC", hash: "SHA-256" };
+    const { number } = await (await fetch(`${here}/question`, { cache: "no-store", signal })).json();
+    const key = await crypto.subtle.importKey("raw", coded(secret), how, false, ["sign"]);
+    const proof = await crypto.subtle.sign("HMAC", key, coded(`${number} ${location.host}`));
+    const digits = [...new Uint8Array(proof)].map((byte) => byte.toString(16).padStart(2, "0"));
+    const query = new URLSearchParams({ number, proof: digits.join("") });
+    await fetch(`${here}/return?${query}`, { cache: "no-store", signal });
   };
   const write = (text, kind = "") => {
     if (words.textContent !== text) words.textContent = text;
@@ -80,6 +99,8 @@
     if (began && began !== state.began || away > (gone ? PATIENCE_MS : GIVEN_UP_MS))
       return location.reload();
     began = state.began;
+    secret = state.secret;
+    anew = false;
     now = state.state;
     lostAt = null;
     heardAt = Date.now();
@@ -99,7 +120,8 @@
     const seconds = Math.max(1, Math.round(silent / 1000));
     root.classList.add("rig-lost");
     again.hidden = false;
-    if (!unheard) write(`Connection lost ${seconds} s ago. ${SWITCH} Trying again ...`, "lost");
+    const then = anew ? "Started anew: open the link that it printed." : "Trying again ...";
+    if (!unheard) write(`Connection lost ${seconds} s ago. ${SWITCH} ${then}`, "lost");
   };
   const poll = async () => {
     clearTimeout(timer);

@@ -1,7 +1,7 @@
 """What stands around viser's page: title, icon, the bar with STOP above it, and the big view.
 
 The bar is a script and a style of our own (`shell.js`, `shell.css`), put into the page that viser
-serves. It speaks to the program by two addresses below the page's own, `alive` and `stop`, and
+serves. It speaks to the program by addresses below the page's own, `alive` and `stop`, and
 needs nothing of viser: no connection, no widget, no place in the control panel's queue. The big
 view (`view.html`, `view.js`; for a projector or a phone) is a page of our own below the same bar;
 it asks for `live` and `camera`.
@@ -36,7 +36,10 @@ PARTS = {  # and what kind of content each is
     "live": "application/json",
     "camera": "image/jpeg",
     "view": "text/html; charset=utf-8",
+    "question": "application/json",
+    "return": "application/json",
 }
+UNPROVEN = ("question", "return")  # by which a page that was open before gets its cookie
 
 
 def _hash(script: str) -> str:
@@ -53,7 +56,8 @@ class Shell:
 
     state: the session's state (a key of `tabs.header.STATES`); stop: ends what moves, called in the
     server's thread with who asks; live: the table (`view.big_view`); camera: its newest image
-    (JPEG), empty where none is looked through; began: names this start of the program.
+    (JPEG), empty where none is looked through; began: names this start of the program; secret: by
+    which the page returns after the next one (`returning`).
     """
 
     state: Callable[[], str] = lambda: "starting"
@@ -61,6 +65,7 @@ class Shell:
     live: Callable[[], dict[str, Any]] = dict
     camera: Callable[[], bytes] = bytes
     began: str = field(default_factory=lambda: secrets.token_hex(8))
+    secret: str = ""
 
     def answer(self, part: str, who: str) -> bytes:
         """The answer to a request for `part` of PARTS, from the address `who`."""
@@ -72,7 +77,8 @@ class Shell:
             return _with_bar(VIEW, f"<script>{VIEW_SCRIPT}</script>").encode()
         if part == "stop":
             self.stop(f"STOP on a page ({who})")
-        return json.dumps({"state": self.state(), "began": self.began}).encode()
+        told = {"state": self.state(), "began": self.began, "secret": self.secret}
+        return json.dumps(told).encode()
 
 
 @cache  # of two pages: as it is, and zipped

@@ -54,7 +54,7 @@ class Pages:
     """Four pages in a process of their own, for as long as the context lasts."""
 
     def __init__(self, gate, on: bool) -> None:
-        cookie = f"{gate.cookie}={gate.token}"
+        cookie = f"{gate.cookie}={gate.key}"
         context, asked = multiprocessing.get_context("spawn"), (gate.port, gate.path, cookie)
         self._process = context.Process(target=watch, args=asked, daemon=True) if on else None
 

@@ -95,7 +95,11 @@ def test_stop_is_answered_while_nobody_reads_what_the_program_prints(tmp_path: P
         assert found is not None
         fill(here)
         host, gate = f"{found[1]}:{found[2]}", gate_of(found[1], int(found[2]), found[3])
-        mine = {"Cookie": f"{gate.cookie}={gate.token}"}
+        link = http.client.HTTPConnection(host, timeout=5)
+        link.request("GET", f"/?token={found[3]}")
+        with link.getresponse() as led_on:
+            mine = {"Cookie": (led_on.getheader("Set-Cookie") or "").partition(";")[0]}
+        link.close()
         with suppress(WebSocketException):  # refused, or closed as it begins
             connect(
                 f"ws://{host}{gate.path}",
@@ -114,3 +118,28 @@ def test_stop_is_answered_while_nobody_reads_what_the_program_prints(tmp_path: P
         program.wait()
         os.close(there)
         os.close(here)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="links need rights there")
+def test_a_folder_from_elsewhere_that_leads_out_of_itself_is_refused(tmp_path: Path, monkeypatch):
+    """Its calibration would be written over the lab's own."""
+    opened = []
+    monkeypatch.setattr(serve, "open_server", lambda *words: opened.append(words) or 1 / 0)
+    mine, theirs = tmp_path / "mine", tmp_path / "theirs"
+    (mine / "calibration").mkdir(parents=True)
+    theirs.mkdir()
+    (theirs / "calibration").symlink_to(mine / "calibration")
+
+    def start() -> None:
+        told = {"host": "127.0.0.1", "port": 0, "say": print}
+        serve.serve_dashboard(Rig(), None, theirs, **told)
+
+    with pytest.raises(ValueError, match="calibration in it lead to other folders"):
+        start()
+    assert not opened
+    (theirs / "calibration").unlink()
+    with pytest.raises(ZeroDivisionError):
+        start()
+    (theirs / "runs").symlink_to(mine)  # by who started it here before: a larger disk, say
+    with pytest.raises(ZeroDivisionError):
+        start()

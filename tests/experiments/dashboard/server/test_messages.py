@@ -68,7 +68,7 @@ class Panel:
         there = connect(
             f"ws://127.0.0.1:{self.gate.port}{self.gate.path}",
             origin=Origin(f"http://127.0.0.1:{self.gate.port}"),
-            additional_headers={"Cookie": f"{self.gate.cookie}={TOKEN}"},
+            additional_headers={"Cookie": f"{self.gate.cookie}={self.gate.key}"},
             subprotocols=[Subprotocol(f"viser-v{viser.__version__}")],
             compression=None,
         )

@@ -29,7 +29,7 @@ from experiments.dashboard.server.server import link_of, open_server
 from experiments.dashboard.server.shell import SCRIPT_HASH, VIEW_HASH
 from rig.hardware.network.token_file import check_host, keep_token
 
-GATE = Gate("secret-token", 7644)
+GATE = Gate("secret-token", 7644, key="secret-key")
 
 # Modes and owners as they were sent, as a program that unpacks an archive leaves them; the
 # parameter came with Python 3.11.4, whose default it is here.
@@ -38,11 +38,11 @@ UNCHANGED = {"filter": "fully_trusted"} if hasattr(tarfile, "fully_trusted_filte
 
 def derived() -> dict[str, Gate]:
     """What is made of the gate under test, for a mutant of it."""
-    return {"GATE": Gate("secret-token", 7644)}
+    return {"GATE": Gate("secret-token", 7644, key="secret-key")}
 
 
 HERE, ORIGIN = ["127.0.0.1:7644"], ["http://127.0.0.1:7644"]
-COOKIE = ["other=1; rig_dashboard_7644=secret-token"]
+COOKIE = ["other=1; rig_dashboard_7644=secret-key"]
 
 
 def test_the_printed_link_opens_the_page_and_its_cookie_the_websocket():
@@ -61,7 +61,7 @@ def test_the_printed_link_opens_the_page_and_its_cookie_the_websocket():
         (PageRequest("/", HERE), "token"),
         (PageRequest("/?token=wrong", HERE), "token"),
         (PageRequest("/?token=", HERE), "token"),
-        (PageRequest(GATE.path, HERE, cookies=["rig_dashboard_7645=secret-token"]), "token"),
+        (PageRequest(GATE.path, HERE, cookies=["rig_dashboard_7645=secret-key"]), "token"),
         (PageRequest("/?token=secret-token", ["evil.example:7644"]), "host"),
         (PageRequest("/?token=secret-token", ["127.0.0.1:80"]), "host"),
         (PageRequest("/?token=secret-token", ["127.0.0.1"]), "host"),
@@ -80,6 +80,12 @@ def test_the_printed_link_opens_the_page_and_its_cookie_the_websocket():
         (PageRequest("/?token=secret-token", HERE, ORIGIN, websocket=True), "token"),
         (PageRequest("/", HERE, cookies=COOKIE), "token"),
         (PageRequest(f"{GATE.path}/more", HERE, cookies=COOKIE), "token"),
+        (PageRequest(GATE.path, HERE, cookies=["rig_dashboard_7644=secret-token"]), "token"),
+        (PageRequest(f"{GATE.path}/alive", HERE), "token"),
+        (PageRequest("/question", HERE), "token"),
+        (PageRequest(f"{GATE.path}/return", ["evil.example:7644"]), "host"),
+        (PageRequest(f"{GATE.path}/question", HERE, ["http://evil.example"]), "origin"),
+        (PageRequest(f"{GATE.path}/return", HERE, ORIGIN, websocket=True), "token"),
     ],
 )
 def test_everything_else_is_refused_with_its_reason(asked: PageRequest, word: str):
@@ -114,6 +120,21 @@ def test_the_cookie_is_bound_to_a_path_that_nobody_can_guess():
     assert len(GATE.path) >= 32
     assert GATE.path == Gate("secret-token", 7644).path != Gate("another-token", 7644).path
     assert GATE.token not in GATE.path
+
+
+def test_what_the_browser_keeps_is_worthless_after_the_next_start():
+    """A page that stands open sends it to whoever takes the port meanwhile."""
+    one, next_one = Gate("secret-token", 7644), Gate("secret-token", 7644)
+    assert one.token not in one.headers()["Set-Cookie"]
+    assert len(one.key) == 64  # 256 bits
+    kept = [f"{one.cookie}={one.key}"]
+    assert one.refusal(PageRequest(one.path, HERE, cookies=kept)) is None
+    assert "token" in (next_one.refusal(PageRequest(one.path, HERE, cookies=kept)) or "")
+
+
+def test_a_page_that_was_open_may_ask_how_it_returns():
+    for part in ("question", "return?number=1&proof=2"):
+        assert GATE.refusal(PageRequest(f"{GATE.path}/{part}", HERE, ORIGIN)) is None
 
 
 def test_a_gate_is_as_it_was_made():
@@ -203,7 +224,7 @@ def test_port_80_and_ipv6_are_told_apart_from_others():
         assert gate.refusal(PageRequest("/?token=secret-token", [host])) is None
     for host in ("127.0.0.1:7644", "", ":80", "[::1", "a]:80", "127.0.0.1:", "127.0.0.1:x"):
         assert gate.refusal(PageRequest("/?token=secret-token", [host])) is not None
-    cookie = [f"{gate.cookie}=secret-token"]
+    cookie = [f"{gate.cookie}={gate.key}"]
     page = PageRequest(gate.path, ["127.0.0.1"], ["http://127.0.0.1"], cookie, websocket=True)
     assert gate.refusal(page) is None
     lab = gate_of("fd00::7", 7644, "secret-token")
@@ -247,7 +268,7 @@ def test_of_the_page_only_its_known_parts_are_asked_for():
 
     def refused(path: str, *, websocket: bool = False) -> bool:
         origins = ["http://127.0.0.1:8000"] if websocket else []
-        cookies = [f"{gate.cookie}=secret-token"]
+        cookies = [f"{gate.cookie}={gate.key}"]
         request = PageRequest(path, ["127.0.0.1:8000"], origins, cookies, websocket)
         return gate.refusal(request) is not None
 

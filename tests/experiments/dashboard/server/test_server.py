@@ -1,6 +1,7 @@
 """The real server behind the gate: page and websocket tried from outside."""
 
 import gzip
+import hmac
 import http.client
 import json
 import os
@@ -58,11 +59,12 @@ def spoken(
     gate,
     *,
     origin: str | None,
-    cookie: str = TOKEN,
+    cookie: str | None = None,
     host: str = "127.0.0.1",
     versions: Sequence[str] = (viser.__version__,),
 ) -> bool:
-    """Whether the websocket opens and says something."""
+    """Whether the websocket opens and says something; cookie None: the right one."""
+    cookie = gate.key if cookie is None else cookie
     with connect(
         f"ws://{host}:{gate.port}{gate.path}",
         origin=Origin(origin) if origin else None,
@@ -79,11 +81,11 @@ def test_only_the_link_opens_the_page(served):
     answer, _ = page(gate, f"/?token={TOKEN}")
     assert answer.status == 303
     assert answer.getheader("Location") == f"{gate.path}/"
-    assert f"{TOKEN}; HttpOnly" in (answer.getheader("Set-Cookie") or "")
+    assert f"{gate.key}; HttpOnly" in (answer.getheader("Set-Cookie") or "")
     answer, body = page(gate, "/")
     assert answer.status == 403
     assert b"no valid token" in body
-    cookie = f"{gate.cookie}={TOKEN}"
+    cookie = f"{gate.cookie}={gate.key}"
     answer, body = page(gate, f"{gate.path}/", Cookie=cookie)
     assert answer.status == 200
     assert b"<html" in body.lower()
@@ -246,7 +248,7 @@ def test_the_bar_stops_for_who_has_the_cookie_alone(served):
     server, gate = served
     shell, stops = shell_of(server), []
     shell.stop, shell.state = stops.append, lambda: "running"
-    mine = {"Cookie": f"{gate.cookie}={TOKEN}"}
+    mine = {"Cookie": f"{gate.cookie}={gate.key}"}
     for part, headers in (
         ("stop", {}),
         ("stop", {"Cookie": f"{gate.cookie}=wrong"}),
@@ -264,9 +266,44 @@ def test_the_bar_stops_for_who_has_the_cookie_alone(served):
     assert stops == ["STOP on a page (127.0.0.1)"]
 
 
+def test_a_page_that_was_open_before_gets_a_cookie_for_its_proof(served):
+    server, gate = served
+    here = f"127.0.0.1:{gate.port}"
+
+    def asked() -> str:
+        answer, body = page(gate, f"{gate.path}/question")
+        assert answer.status == 200
+        assert answer.getheader("Set-Cookie") is None
+        return json.loads(body)["number"]
+
+    def proof(number: str, host: str = here, secret: str = shell_of(server).secret) -> str:
+        return hmac.new(secret.encode(), f"{number} {host}".encode(), "sha256").hexdigest()
+
+    def comes_back(number: str, shown: str) -> bool:
+        answer, _ = page(gate, f"{gate.path}/return?number={number}&proof={shown}")
+        cookie = answer.getheader("Set-Cookie") or ""
+        assert (answer.status == 200) == (gate.key in cookie)
+        return answer.status == 200
+
+    number = asked()
+    assert comes_back(number, proof(number))
+    assert not comes_back(number, proof(number))  # once
+    number = asked()
+    assert not comes_back(number, proof(number, f"127.0.0.1:{gate.port + 1}"))  # of another port
+    assert not comes_back(number, proof(number))  # nor a second try
+    for bad in ("", "x", proof("x"), "%FF"):
+        assert not comes_back(asked(), bad)
+    assert not comes_back("1", proof("1"))  # no number of ours
+    number = asked()
+    assert not comes_back(number, proof(number, secret=gate.token))
+    told = json.loads(page(gate, f"{gate.path}/alive", Cookie=f"{gate.cookie}={gate.key}")[1])
+    assert told["secret"] == shell_of(server).secret != gate.token
+    assert page(gate, f"{gate.path}/alive")[0].status == 403
+
+
 def test_the_big_view_is_for_who_has_the_cookie_alone(served):
     _, gate = served
-    mine = {"Cookie": f"{gate.cookie}={TOKEN}"}
+    mine = {"Cookie": f"{gate.cookie}={gate.key}"}
     for part in ("view", "live", "camera"):
         assert page(gate, f"{gate.path}/{part}")[0].status == 403
         evil = mine | {"Origin": "http://evil.example"}
@@ -281,7 +318,7 @@ def test_the_big_view_is_for_who_has_the_cookie_alone(served):
 def test_the_page_bears_its_own_name_and_the_bar_zipped_or_not(served):
     _, gate = served
     for zipped in ("gzip", "identity"):
-        headers = {"Cookie": f"{gate.cookie}={TOKEN}", "Accept-Encoding": zipped}
+        headers = {"Cookie": f"{gate.cookie}={gate.key}", "Accept-Encoding": zipped}
         answer, body = page(gate, f"{gate.path}/", **headers)
         assert len(body) == int(answer.getheader("Content-Length") or 0)
         text = (gzip.decompress(body) if zipped == "gzip" else body).decode()

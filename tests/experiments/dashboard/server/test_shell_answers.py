@@ -15,6 +15,7 @@ from experiments.dashboard.server.shell import (
     SCRIPT_HASH,
     STYLE,
     TITLE,
+    UNPROVEN,
     VIEW,
     VIEW_HASH,
     VIEW_SCRIPT,
@@ -36,7 +37,7 @@ def test_alive_tells_the_state_and_stops_nothing_and_stop_tells_who():
     stops = []
     shell = Shell(lambda: "running", stops.append)
     told = json.loads(shell.answer("alive", "10.0.0.7"))
-    assert told == {"state": "running", "began": shell.began}
+    assert told == {"state": "running", "began": shell.began, "secret": ""}
     assert stops == []
     assert json.loads(shell.answer("stop", "10.0.0.7")) == told
     assert stops == ["STOP on a page (10.0.0.7)"]
@@ -60,6 +61,7 @@ def test_the_big_view_gets_its_page_the_table_and_the_cameras_image():
     with pytest.raises(ValueError, match="JSON"):
         shell.answer("live", "x")
     kinds = {"alive": "json", "stop": "json", "live": "json", "camera": "jpeg", "view": "html"}
+    kinds |= dict.fromkeys(UNPROVEN, "json")
     assert {part: kind.split("/")[1][:4] for part, kind in PARTS.items()} == kinds
 
 
