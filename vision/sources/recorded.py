@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 
 from vision.sources.camera_device import capture
-from vision.sources.encoded_image import decoded
+from vision.sources.encoded_image import TooLargeError, check_size, decoded
 from vision.sources.repeats import has_repeats
 
 IMAGE_SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp"})
@@ -46,13 +46,18 @@ class RecordedFrames:
 
 
 def open_file(path: str | Path) -> RecordedFrames:
-    """Open the video file `path`, or the address of one. `ValueError`: it cannot be decoded, or is
-    a list of others.
+    """Open the video file `path`, or the address of one. `ValueError`: it cannot be decoded, is a
+    list of others, or its frames are too large.
     """
     _refuse_list(Path(path))
     device = capture(str(path))
     if not device.isOpened():
         raise ValueError(f"{path}: not a video that can be decoded (truncated, or no video at all)")
+    try:
+        check_size(device.get(cv2.CAP_PROP_FRAME_WIDTH), device.get(cv2.CAP_PROP_FRAME_HEIGHT))
+    except TooLargeError as error:
+        device.release()
+        raise TooLargeError(f"{path}: {error}") from None
     claimed = device.get(cv2.CAP_PROP_FPS)
     fps = claimed if math.isfinite(claimed) and 0.1 < claimed < 1e5 else DEFAULT_FPS
     count = device.get(cv2.CAP_PROP_FRAME_COUNT)

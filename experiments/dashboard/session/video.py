@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from experiments.dashboard.session.worker_process import ProgressSender
+from vision.sources.encoded_image import MOST_PX
 
 if TYPE_CHECKING:
     from experiments.gap.closed_loop_replay import TableMotion
@@ -24,8 +25,8 @@ STEP_S = 1 / 30  # between frames of a rendered video
 TELL_EVERY = 5  # frames; chosen: a busy machine renders so many in a second
 SEEK_AHEAD_S = 2.0  # further ahead it seeks, nearer it decodes frame by frame; chosen
 WIDEST_PX = 480  # of a shown frame; chosen: a panel is narrower
-MOST_PX = 1 << 25  # of a file's frame; chosen: four times 4K
 DECODE_S = 0.02  # so long a call decodes: who draws the film draws the live tables, too
+LONGEST_S = 3600.0  # of a rendered video; chosen: twice the longest run that was tried
 
 
 class Video:
@@ -132,7 +133,8 @@ def render_video(
     """Render into the file `video` what the virtual camera saw of a simulated run; returns that
     path.
 
-    meta: the run's run.json; motion: its poses. ValueError: the run was measured.
+    meta: the run's run.json; motion: its poses. ValueError: the run was measured, or lasts longer
+    than LONGEST_S by its times.
     """
     from experiments.dashboard.session.virtual_camera import VirtualCameraRenderer
     from experiments.track.film import Film
@@ -140,6 +142,11 @@ def render_video(
 
     if meta.get("source") != "simulated":
         raise ValueError("nobody filmed this run: there is no video of it")
+    if motion.end_s > LONGEST_S:
+        raise ValueError(
+            f"by its times the run lasts {motion.end_s:.3g} s: no video is rendered of more than "
+            f"{LONGEST_S:g} s; did the clock jump?"
+        )
     renderer = VirtualCameraRenderer(from_dict(meta["rig"]))
     unfinished = video.with_name(f"part-{video.name}")
     unfinished.unlink(missing_ok=True)  # in a stranger's folder a link that leads to any file

@@ -18,12 +18,12 @@ def pixels(shown: CaptionedPicture) -> np.ndarray:
     """The picture as RGB (h, w, 3) uint8, at most `WIDEST_PX` wide. OSError: it cannot be read."""
     import cv2
 
+    from vision.sources.encoded_image import decoded
+
     try:
-        image = cv2.imdecode(np.frombuffer(file_bytes(shown.path), np.uint8), cv2.IMREAD_COLOR)
-    except (ValueError, cv2.error) as error:
-        raise OSError(f"{shown.path} is not readable as a picture ({error})") from None
-    if image is None:
-        raise OSError(f"{shown.path} is not readable as a picture")
+        image = decoded(file_bytes(shown.path))
+    except ValueError as error:
+        raise OSError(f"{shown.path} is not readable as a picture: {error}") from None
     if image.shape[1] > WIDEST_PX:
         height = round(image.shape[0] * WIDEST_PX / image.shape[1])
         image = cv2.resize(image, (WIDEST_PX, height), interpolation=cv2.INTER_AREA)

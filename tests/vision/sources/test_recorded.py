@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
+from vision.sources import encoded_image
 from vision.sources.recorded import frame_numbers, open_file, open_folder
 
 
@@ -38,6 +39,22 @@ def test_pictures_that_would_fill_the_memory_or_wait_for_ever_are_named(tmp_path
             frames.read()
         assert "2.png" in str(caught.value)
         assert "\n" not in str(caught.value)
+
+
+def test_frames_beyond_measure_are_refused_before_the_first_is_read(tmp_path, monkeypatch):
+    film = tmp_path / "big.avi"
+    writer = cv2.VideoWriter(str(film), cv2.VideoWriter.fourcc(*"MJPG"), 30, (64, 48))
+    for _ in range(5):
+        writer.write(np.zeros((48, 64, 3), np.uint8))
+    writer.release()
+    cv2.imwrite(str(tmp_path / "1.png"), np.zeros((48, 64, 3), np.uint8))
+    assert open_file(film).read() is not None
+    assert open_folder(tmp_path, 30.0).read() is not None
+    monkeypatch.setattr(encoded_image, "MOST_PX", 64 * 48 - 1)
+    with pytest.raises(ValueError, match="64 x 48 px are more than 3,071: make it smaller"):
+        open_file(film)
+    with pytest.raises(ValueError, match="more than 3,071 pixels: make it smaller"):
+        open_folder(tmp_path, 30.0).read()
 
 
 ID3 = b"ID3\x03\x00\x00\x00\x00\x00\x0a" + bytes(10)

@@ -1,6 +1,7 @@
 """The video of a run in somebody else's folder."""
 
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import av
@@ -139,3 +140,11 @@ def test_a_list_of_files_is_no_video(tmp_path: Path):
     path.write_text("ffconcat version 1.0\nfile 'video.mkv'\n")
     with pytest.raises(av.FFmpegError):
         video.Video(path)
+
+
+def test_a_run_whose_clock_jumped_is_not_rendered_for_years(tmp_path: Path):
+    meta = {"source": "simulated", "rig": to_record(Rig())}
+    motion = SimpleNamespace(end_s=2e7)
+    with pytest.raises(ValueError, match=r"lasts 2e\+07 s.*did the clock jump"):
+        video.render_video(tmp_path / "video.mkv", meta, motion, lambda *step: None)  # pyright: ignore
+    assert not list(tmp_path.iterdir())

@@ -28,3 +28,10 @@ def test_what_is_no_picture_is_refused_and_a_pipe_not_waited_for(tmp_path: Path)
     for path in (pipe, text, empty):
         with pytest.raises(OSError, match="not readable as a picture"):
             pixels(CaptionedPicture(path, "a"))
+
+
+def test_a_picture_that_would_fill_the_memory_is_refused_by_its_head(tmp_path: Path):
+    path = tmp_path / "big.png"
+    cv2.imwrite(str(path), np.zeros((12_000, 12_000), np.uint8))  # a few kB, 432 MB as colours
+    with pytest.raises(OSError, match="not readable as a picture: it has more than"):
+        pixels(CaptionedPicture(path, "a"))
