@@ -39,31 +39,35 @@ def _cache_root() -> Path:
     return Path(base) if base else Path.home() / ".cache"
 
 
-def _usable(folder: Path) -> bool:
-    """Whether the folder is there, or can be made, and takes files."""
+def _why_not(folder: Path) -> str:
+    """Why compiled functions are not kept in a folder, with the cure; "": they are. What lies there
+    is executed, so nobody else may have put it there.
+    """
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
-            return True
+            about = folder.stat()
     except OSError:
-        return False
+        return "let XDG_CACHE_HOME name a folder that you can write to"
+    if sys.platform != "win32" and (about.st_uid != os.geteuid() or about.st_mode & 0o022):
+        return (
+            "others can write to it, and its files are executed: remove it, or make it yours alone"
+        )
+    return ""
 
 
 def _choose_cache() -> str:
     """Name the cache's folder to numba; return why it is not the usual one, "" where it is.
 
-    A folder that cannot be written gives way to one of this program and its children, which is
-    removed in the end. Beside the sources, where numba would go next, nothing tells it that what a
-    function calls has changed.
+    A folder that cannot be used gives way to one of this program and its children, which is removed
+    in the end. Beside the sources, where numba would go next, nothing tells it that what a function
+    calls has changed.
     """
     given = os.environ.get("NUMBA_CACHE_DIR")
     folder = Path(given) if given else _cache_root() / "balancing-table-rig" / _source_hash()
     note = ""
-    if not _usable(folder):
-        note = (
-            f"compiled functions cannot be kept in {folder}: every program compiles them anew; let "
-            "XDG_CACHE_HOME name a folder that you can write to"
-        )
+    if why := _why_not(folder):
+        note = f"compiled functions are not kept in {folder}, but compiled for every program: {why}"
         folder = Path(tempfile.mkdtemp(prefix="balancing-table-rig-"))
         atexit.register(shutil.rmtree, folder, ignore_errors=True)
     os.environ["NUMBA_CACHE_DIR"] = str(folder)

@@ -26,7 +26,7 @@ print(CACHE_NOTE)
 
 
 def run(
-    tmp_path: Path, before: Callable[[], None] | None = None, /, **environment: str
+    tmp_path: Path, before: Callable[[], object] | None = None, /, **environment: str
 ) -> list[str]:
     file = tmp_path / "program.py"
     file.write_text(PROGRAM)
@@ -71,6 +71,34 @@ def test_where_none_can_be_written_the_program_has_its_own_and_leaves_nothing(tm
     assert not list(tmp_path.rglob("*.nbi"))
     assert "/dev/null/cache" in note
     assert "XDG_CACHE_HOME" in note
+
+
+@pytest.mark.skipif(os.name == "nt", reason="rights of files are Unix's")
+@pytest.mark.parametrize("mode", [0o777, 0o770, 0o702])
+def test_a_folder_into_which_others_may_write_is_not_executed(tmp_path: Path, mode: int):
+    """An index of the cache is a pickle: whoever puts it there has it run as the user."""
+    cache = tmp_path / "cache"
+    cache.mkdir()
+    cache.chmod(mode)
+    line, note = run(tmp_path, NUMBA_CACHE_DIR=str(cache))
+    assert line.split()[0] == "42"
+    assert not list(cache.rglob("*"))
+    assert "others can write to it" in note
+
+
+@pytest.mark.skipif(getattr(os, "geteuid", lambda: 1)() != 0, reason="only root gives files away")
+def test_a_folder_of_somebody_else_is_not_executed(tmp_path: Path):
+    cache = tmp_path / "cache"
+    cache.mkdir(mode=0o700)
+    os.chown(cache, 65534, 65534)
+    assert "others can write to it" in run(tmp_path, NUMBA_CACHE_DIR=str(cache))[1]
+    assert not list(cache.rglob("*"))
+
+
+def test_a_new_folder_is_for_its_user_alone(tmp_path: Path):
+    run(tmp_path, lambda: os.umask(0o002), XDG_CACHE_HOME=str(tmp_path / "cache"))
+    (made,) = (tmp_path / "cache/balancing-table-rig").iterdir()
+    assert os.name == "nt" or made.stat().st_mode & 0o077 == 0
 
 
 @pytest.mark.slow
