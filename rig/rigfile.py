@@ -6,6 +6,7 @@ recording says of them is text.
 """
 
 import dataclasses
+import json
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path, PurePath
@@ -189,7 +190,9 @@ def _check_axis(name: str, axis: str, default: Any, given: Any) -> None:
 def _validated(name: str, default: Any, given: dict[str, Any]) -> Any:
     """The section `default` with the keys `given`. ValueError: a value is of the wrong type."""
     try:
-        return TypeAdapter(type(default)).validate_python(dataclasses.asdict(default) | given)
+        # JSON has lists for tuples, and no dates: what is none of its types is given as a list.
+        values = json.dumps(dataclasses.asdict(default) | given, default=lambda odd: [str(odd)])
+        return TypeAdapter(type(default)).validate_json(values, strict=True)
     except ValidationError as error:
         raise ValueError(first_error_line(error, within=name)) from None
 

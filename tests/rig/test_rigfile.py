@@ -102,6 +102,10 @@ def test_the_shipped_table_survives_writing(tmp_path: Path):
         ("[table]\nsign_angle = [1]", ["table.sign_angle"]),
         ("[table]\namplifier_gain = 30", ["amplifier_gain = 30", "1, 3"]),
         ("[table]\nbaud = 9", ["table.baud = 9"]),
+        ("[table]\nbaud = '9600'", ["table.baud = '9600'", "integer"]),
+        ("[table]\nids = [true, 2]", ["table.ids.0 = True", "integer"]),
+        ("[table]\nswap = 'yes'", ["table.swap = 'yes'", "boolean"]),
+        ("[table]\nport = 1979-05-27", ["table.port", "string"]),
         ("[table]\ncamera = '0'", ["needs table.calibration"]),
     ],
 )
