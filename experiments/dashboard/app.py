@@ -100,7 +100,7 @@ class App:
         admit_values(server, self.controls)
         shell = shell_of(server)
         shell.state = lambda: self.session.status.state
-        shell.stop = partial(self.controls.stop, act=self.session.stop)
+        shell.stop = partial(self.controls.stop, act=self._stop)
         shell.live = lambda: big_view(
             self.session.rig, self.live.now(), self.session.status, self.live.curve()
         )
@@ -149,7 +149,7 @@ class App:
         panel.dock_left()
         panel.set_width(330)
         self._add_tabs()
-        add_keys(server, self.controls, self.session, self.run_tab, self.replay)
+        add_keys(server, self.controls, self._stop, self.run_tab, self.replay)
 
         server.scene.on_click(modifier="shift")(self.controls.click("target", self._aim))
 
@@ -213,6 +213,11 @@ class App:
             "play" in self.calibrate.accepted,
             self.gap.answer is not None,
         )
+
+    def _stop(self, who: str) -> None:
+        """Stop whatever moves, now; a calibration as soon as the queue comes to it."""
+        self.session.stop(who)
+        self.controls.queue.put("stop", partial(self.calibrate.stop, who))
 
     def show_playback(self, page: int | None, playback: Playback | None) -> None:
         """Show a film in place of the live table on one page; None: the live table again. To be

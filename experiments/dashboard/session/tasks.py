@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 MOST_LISTED = 40  # runs; chosen: a list on the page is no longer
 LONGEST_WORDS = 80  # characters of a run.json's word; chosen: every page is sent each of them
-UNFINISHED = "unfinished"
+UNFINISHED, BEING_RECORDED = "unfinished", "being recorded"
 SERVOS_ALONE = "the servos alone, without a ball: no figure; the tab Gap uses these runs."
 
 
@@ -97,7 +97,7 @@ def list_runs(parent: Path, most: int = MOST_LISTED) -> list[RunSummary]:
             meta = read_meta(folder)
             outcome = str(meta.get("outcome") or UNFINISHED)
             if outcome == UNFINISHED and being_recorded(folder):
-                outcome = "being recorded"
+                outcome = BEING_RECORDED
         except (OSError, ValueError):  # also a folder that nobody but its owner may look into
             continue
         name = protocol_of(meta).get("name", "?")

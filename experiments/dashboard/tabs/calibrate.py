@@ -32,7 +32,7 @@ from experiments.dashboard.session.worker_process import WorkerProcess, WorkItem
 from experiments.dashboard.tabs.gallery import Gallery
 from experiments.dashboard.view.elapsed import Elapsed
 from experiments.gap.beside import calibrated_beside
-from rig.files import json_of
+from rig.files import json_of, write_whole
 
 if TYPE_CHECKING:
     from viser import ViserServer
@@ -115,7 +115,7 @@ class CalibrateTab:
                 )
             controls.needs(lambda page: self._check_free(), *self._buttons.values())
             cancel = gui.add_button("Cancel", color="gray")
-            controls.button(cancel, "cancel", lambda page: self._cancel())
+            controls.button(cancel, "cancel", lambda page: self.stop("Cancel"))
             controls.needs(lambda page: self._check_on(), cancel)
         self._found: Any = gui.add_markdown("")
         sheets = gui.add_button("Download the sheets to print", color="gray")
@@ -128,6 +128,7 @@ class CalibrateTab:
         self._kept: dict[str, list[str]] = {}
         self._on, self._words, self._elapsed = "", "", Elapsed()
         self._left: tuple[str, ...] = ()
+        self._why_ended = ""  # by a person
         self._restore()
 
     def _restore(self) -> None:
@@ -222,7 +223,7 @@ class CalibrateTab:
             threading.Thread(target=self._borrow, args=(camera, item), daemon=True).start()
         else:
             self._worker.put(item)
-        self._lines = []
+        self._lines, self._why_ended = [], ""
         self._elapsed.begin()
         self._mark(step, "on", "on its way")
 
@@ -284,7 +285,9 @@ class CalibrateTab:
             self._borrowed.close()
             if kind == "failed":
                 self._left = ()
-                self._mark(step, "refused", f"refused, because {what}")
+                why, self._why_ended = self._why_ended, ""
+                words = f"ended by {why}" if why else f"refused, because {what}"
+                self._mark(step, "refused", words)
                 return
             self._keep(step)
             self._mark(step, "accepted", "accepted")
@@ -304,7 +307,7 @@ class CalibrateTab:
         file = self._out / "calibration" / VERDICTS
         with suppress(OSError):  # shown all the same; only a restart forgets it
             file.parent.mkdir(parents=True, exist_ok=True)
-            file.write_text(json.dumps(self._kept), encoding="utf-8")
+            write_whole(file, json.dumps(self._kept).encode())
         self._write_found()
 
     def _write_found(self) -> None:
@@ -321,12 +324,18 @@ class CalibrateTab:
         lines = [HEAD, ("---",) * len(HEAD), *([plain(cell) for cell in row] for row in rows)]
         self._found.content = words + "\n".join("| " + " | ".join(row) + " |" for row in lines)
 
-    def _cancel(self) -> None:
+    def stop(self, why: str) -> None:
+        """End the step that is on, and what would follow it; nothing where none is. why: in words.
+        To be called in the thread of the control panel queue.
+        """
         self._left = ()
+        step = next((step for step, state in self._state.items() if state == "on"), None)
+        if step is None:
+            return
+        self._why_ended = why
         awaited, self._awaited = self._awaited, None  # of a camera that is being borrowed
         if awaited or self._worker.cancel("calibration"):
-            step = next(step for step, state in self._state.items() if state == "on")
-            self._on_message(step, "failed", "it was cancelled before it began")
+            self._on_message(step, "failed", "")
 
     def _sheets(self, page: int | None) -> None:
         """Draw the sheets to print and send them to the page."""

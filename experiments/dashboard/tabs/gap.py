@@ -262,7 +262,7 @@ class GapTab:
         self._on, self._until, self._shows = -1, 0.0, False
         self._bar.value = 0.0
         self._stages.content = stage_lines(-1, False)
-        self._does = "begins; a stopped table leaves it more of the machine"
+        self._does = "starting; it is faster while the table is stopped"
         self._elapsed.begin()
         self._ask(False)
         self._lay(None)
@@ -299,7 +299,7 @@ class GapTab:
         if self._does and self._elapsed.changed():
             self._bar.value += CREEP * max(self._until - self._bar.value, 0.0)
             table = f"\n\n{OWN_TABLE}" if self._demo else ""
-            took = f"{self._elapsed.seconds} s; it takes some minutes for every run"
+            took = f"{self._elapsed.seconds} s so far; some minutes for every run"
             self._words.content = f"*{self._does}* ({took}){table}"
 
     def _end(self, answer: GapAnswer) -> None:

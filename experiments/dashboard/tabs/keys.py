@@ -1,10 +1,10 @@
 """The keys of the page, which are the entries of its command palette (Ctrl + K), too."""
 
+from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING
 
 from experiments.dashboard.server.controls import Controls
-from experiments.dashboard.session.session import Session
 from experiments.dashboard.tabs.replay import ReplayTab
 from experiments.dashboard.tabs.run import RunTab
 
@@ -13,11 +13,15 @@ if TYPE_CHECKING:
 
 
 def add_keys(
-    server: "ViserServer", controls: Controls, session: Session, run_tab: RunTab, replay: ReplayTab
+    server: "ViserServer",
+    controls: Controls,
+    stop: Callable[[str], None],
+    run_tab: RunTab,
+    replay: ReplayTab,
 ) -> None:
-    """Stop, start, go on, balance, play and push by key."""
+    """Stop, start, go on, balance, play and push by key; stop: called with who stops."""
     add, button = server.gui.add_command, controls.button
-    controls.stop_button(add("Stop", hotkey="escape"), "stop", session.stop)
+    controls.stop_button(add("Stop", hotkey="escape"), "stop", stop)
     button(add("Start the run", hotkey="R"), "start", run_tab.start)
     button(add("Next run", hotkey="N"), "next run", lambda page: run_tab.go_on())
     button(add("Balance again", hotkey="B"), "balance", run_tab.balance)

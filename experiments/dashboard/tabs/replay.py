@@ -176,7 +176,7 @@ class ReplayTab:
 
         viewer.name = row.label + (" and its pair" if beside else "")
         item = WorkItem(
-            f"replay {page}", partial(replay_run, row.folder, beside, row.label), on_message
+            f"replay {page}", partial(replay_run, row.folder, beside, viewer.name), on_message
         )
         viewer.item, viewer.about = item, f"*{plain(row.label)} is being read ...*"
         self._worker.put(item, instead=True)
@@ -246,7 +246,7 @@ class ReplayTab:
             words, label, lines, at_s = LIVE, PLAY, "", 0.0
             if playback is not None:
                 t_s, end_s = playback.clock.t_s, playback.clock.end_s
-                words = f"**Replay** of {plain(viewer.name or playback.name)}"
+                words = f"**Replay** of {plain(playback.name)}"
                 words += f": {t_s:.2f} of {end_s:.2f} s"
                 words += f" {playback.film.since}" if playback.film else ""
                 label = PAUSE if playback.clock.playing else PLAY

@@ -12,6 +12,7 @@ from experiments.dashboard.server.input_limits import choice, flag
 from experiments.dashboard.server.untrusted_text import measured, plain
 from experiments.dashboard.session.live import LiveBuffer
 from experiments.dashboard.session.tasks import (
+    BEING_RECORDED,
     MOST_LISTED,
     UNFINISHED,
     DrawnFigures,
@@ -91,6 +92,11 @@ def card(figures: DrawnFigures) -> str:
         for what in row.by_hand:
             lines += ["", f"By hand in {plain(row.label)}: {plain(what)}"]
     return "\n".join(lines)
+
+
+def _ended(rows: list[RunSummary]) -> set[Path]:
+    """Folders of the runs that are no longer being recorded."""
+    return {row.folder for row in rows if row.outcome != BEING_RECORDED}
 
 
 class ResultsTab:
@@ -180,7 +186,7 @@ class ResultsTab:
         self._table.content = table(self._rows, self._centroids)
         self._tell_others()
         self._recover.visible = any(row.outcome == UNFINISHED for row in self._rows)
-        new = {row.folder for row in self._rows} - {row.folder for row in before}
+        new = _ended(self._rows) - _ended(before)
         if any(row.folder in new for row in self._together(self._named(self._protocol.now))):
             self.figures()
 

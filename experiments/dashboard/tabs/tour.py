@@ -13,8 +13,8 @@ STEPS = (
     (
         "Run",
         "leave the choices as they are and press **Start**: two runs of 16 s. Look at the panel "
-        "*Swing*: without compensation the ball goes round for ever, a ring; with it the ring "
-        "shrinks.",
+        "*Swing*: without compensation the ball does not come to rest but goes round, a ring; with "
+        "it the ring shrinks. (The protocol *hold* shows it for longer.)",
     ),
     (
         "Results",

@@ -4,7 +4,7 @@ The position of the tooth comes from the model (nothing measures it), the number
 controller's observer.
 """
 
-from math import degrees, isfinite
+from math import degrees
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -58,7 +58,7 @@ class BacklashGauge:
 
     def draw(self, play_rad: float, twist_rad: float, found_rad: float, rig: Rig) -> None:
         """Draw the backlash at the servo: play_rad, its full width; twist_rad, driving minus driven
-        side in the model; found_rad, the width that the observer found (NaN: none).
+        side in the model; found_rad, the width that the observer found (NaN or 0: none yet).
         """
         half, at, touches = gauges(play_rad, twist_rad, rig)
         self._tooth.position = tuple(at * self._along)
@@ -69,7 +69,7 @@ class BacklashGauge:
                 free, touched = jaw
                 free.visible, touched.visible = touches != side, touches == side
         self._touches = touches
-        found = f"found {degrees(found_rad):.1f}°" if isfinite(found_rad) else "nothing found yet"
+        found = f"found {degrees(found_rad):.1f}°" if found_rad > 0.0 else "nothing found yet"
         true = f"true {degrees(play_rad):.1f}°, " if self.told else ""
         text = f"{self._words}: {true}{found}"
         if self._label.text != text:

@@ -90,7 +90,7 @@ def test_a_step_begins_at_once_and_the_worker_as_soon_as_the_camera_is_free(tab)
 def test_a_step_that_is_cancelled_while_the_camera_is_awaited_never_begins(tab):
     one, camera, worker = tab
     one.begin(("table",))
-    one._cancel()
+    one.stop("Cancel")
     assert one._state["table"] == "refused"
     camera.free.set()
     wait_for("the camera's return", lambda: threading.active_count() and camera.lent == 0)
@@ -174,3 +174,28 @@ def test_verdicts_are_shown_again_after_a_restart(tab, tmp_path):
         controls.queue.close()
     finally:
         server.stop()
+
+
+def test_what_was_found_is_kept_over_no_link(tab, tmp_path):
+    one, *_ = tab
+    notes, kept = tmp_path / "notes.txt", tmp_path / "calibration/verdicts.json"
+    notes.write_text("my notes")
+    kept.parent.mkdir()
+    kept.symlink_to(notes)
+    one._keep("camera")
+    assert notes.read_text() == "my notes"
+    assert "camera" in kept.read_text()
+
+
+def test_stop_ends_the_step_and_what_would_follow_and_says_who_ended_it(tab):
+    one, camera, worker = tab
+    camera.free.set()
+    one.stop("STOP on a page")  # nothing is on
+    one.begin(("camera", "table"))
+    wait_for("the worker", lambda: worker.items)
+    one.stop("STOP on a page")
+    worker.items[0].on_message("failed", "ended before it was done")  # as the process ends
+    wait_for("the end", lambda: one._state["camera"] == "refused")
+    assert "camera: ended by STOP on a page" in one._verdict.content
+    assert one._state["table"] == ""
+    assert len(worker.items) == 1

@@ -250,6 +250,25 @@ def test_results_follow_the_newest_run_until_a_protocol_is_chosen(tmp_path: Path
     assert asked == ["hold", "steps", "hold", "hold"]
 
 
+def test_a_run_that_was_listed_while_it_was_recorded_is_drawn_when_it_ends(tmp_path: Path):
+    """The next run of a series may begin before the end of the one before is taken note of."""
+    server, _ = open_server("127.0.0.1", 0, "a-token-of-some-length-for-tests")
+    controls, asked = Controls(lambda *what: None, print), []
+    worker = SimpleNamespace(put=lambda item, instead: asked.append(len(item.task.args[0])))
+    worker.check_free = lambda name: None
+    tab = ResultsTab(server, controls, worker, tmp_path, LiveBuffer(500.0), lambda page, path: None)  # pyright: ignore[reportArgumentType]
+    start = {"source": "simulated", "arm": "with", "seed": 1, "protocol": {"name": "hold"}}
+    recorder = Recorder(tmp_path / "runs/20260101T000000-hold-with", start)
+    tab.refresh()
+    assert [row.outcome for row in tab.rows] == ["being recorded"]
+    recorder.finish("completed")
+    tab.refresh()
+    tab.refresh()
+    controls.queue.close()
+    server.stop()
+    assert asked == [1]
+
+
 def test_runs_of_the_servos_alone_say_why_there_is_no_figure(tmp_path: Path):
     protocol = {"name": "servo-squares", "servo_only": True}
     start = {"source": "simulated", "arm": "without", "seed": 1, "protocol": protocol}
