@@ -39,7 +39,7 @@ def map_figure(results: Mapping, out: Path) -> Path:
         [[c["arms"][a]["against_without"]["effect"] for a in conditions] for c in cells]
     )
     names = [c["key"].replace(" | ", " · ") for c in cells]
-    wide = 1.4 + 0.06 * max(map(len, names)) + 0.95 * len(conditions)
+    wide = 1.4 + 0.077 * max(map(len, names)) + 0.95 * len(conditions)
     figure, ax = plt.subplots(figsize=(wide, 1.4 + 0.24 * len(cells)))
     image = ax.imshow(gain, cmap=HELPS_HURTS, vmin=-1.0, vmax=1.0, aspect="auto")
     for i, cell in enumerate(cells):
@@ -57,18 +57,19 @@ def map_figure(results: Mapping, out: Path) -> Path:
                 text,
                 ha="center",
                 va="center",
-                fontsize=7,
+                fontsize=9,
                 weight=weight,
                 style=style,
                 color=colour,
             )
     ax.set_xticks(range(len(conditions)), conditions, rotation=30, ha="left")
     ax.xaxis.tick_top()
-    ax.set_yticks(range(len(cells)), names, fontsize=7)
+    ax.set_yticks(range(len(cells)), names, fontsize=9)
     ax.grid(False)
     few = len(cells) < BAR_CELLS  # a low map: the label has no room beside the bar
     bar = figure.colorbar(image, shrink=1.0 if few else 0.5, location="bottom" if few else "right")
-    bar.set_label("gain over no compensator [cm RMS]\ngreen-blue helps, brown harms", fontsize=8)
+    bar.set_ticks([-1.0, -0.5, 0.0, 0.5, 1.0])
+    bar.set_label("gain over no compensator [cm RMS]\ngreen-blue helps, brown harms", fontsize=9)
     return save(figure, out, "compare_map", "simulated")
 
 
@@ -130,10 +131,10 @@ def case_figure(case: Case, out: Path) -> Path:
         t, xy = ball_cm(run.log)
         colour = COLOURS.get(condition, "black")
         left.plot(t, xy[:, 0], color=colour, lw=0.9)
-        left.set_ylabel(f"{condition}\nball x [cm]", fontsize=8)
+        left.set_ylabel(f"{condition}\nball x [cm]", fontsize=9)
         angle = np.degrees(shown_angles(run.log.rows)[:, 0])
         right.plot(_seconds(run.log), angle, color=colour, lw=0.7)
-        right.set_ylabel(f"{servo_word(run.log)} [deg]", fontsize=8)
+        right.set_ylabel(f"{servo_word(run.log)} [deg]", fontsize=9)
     for ax in axes[-1]:
         ax.set_xlabel("t [s]")
     return save(figure, out, "compare_case", "simulated")
@@ -166,7 +167,7 @@ def crossing_figure(case: Case, out: Path) -> Path:
         ax.set_title(condition, fontsize=9)
         ax.set_xlabel("t [s]")
     axes[0, 0].set_ylabel("angle at the servo [deg]")
-    axes[0, 0].legend(fontsize=7)
+    axes[0, 0].legend(fontsize=9)
     return save(figure, out, "compare_crossing", "simulated")
 
 
@@ -205,5 +206,5 @@ def convergence_figure(case: Case, out: Path) -> Path:
         ax.axhline(true, color="black", ls="--", lw=0.8)
     ax.set_xlabel("t [s]")
     ax.set_ylabel("break points [deg]")
-    ax.legend(fontsize=7)
+    ax.legend(fontsize=9)
     return save(figure, out, "compare_convergence", "simulated")

@@ -165,10 +165,9 @@ def plate_map(found: PlateMap) -> Figure:
 
 
 def ranking(candidates: Sequence[RankedEffect], accepted: Sequence[str]) -> Figure:
-    """Probability [%] of the SHOWN_NAMES likeliest effects, with their scores, as bars.
+    """Probability [%] of the SHOWN_NAMES likeliest effects, as bars.
 
-    The score is the gain in log-likelihood; effects named in `accepted` are coloured; those that
-    were refused say so in place of a bar.
+    Effects named in `accepted` are coloured; those that were refused say so in place of a bar.
     """
     shown = sorted(candidates, key=lambda c: (-c.probability, not c.refused, -c.score))
     shown = shown[:SHOWN_NAMES]
@@ -176,8 +175,7 @@ def ranking(candidates: Sequence[RankedEffect], accepted: Sequence[str]) -> Figu
     for row, c in enumerate(shown):
         colour = WITH if c.name in accepted else "0.6"
         axis.barh(row, 100 * c.probability, color=colour, height=0.7)
-        how = "refused, see the notes" if c.refused else percent(c.probability)
-        text = f"{how}   (score {sig(c.score)})"
+        text = "refused, see the notes" if c.refused else percent(c.probability)
         axis.text(100 * c.probability + 1.2, row, text, va="center", fontsize=SMALL)
     labels = [c.name + (f" = {' = '.join(c.twins)}" if c.twins else "") for c in shown]
     axis.set_yticks(range(len(shown)), [_wrapped(effect_words(label)) for label in labels])

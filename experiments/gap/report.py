@@ -259,7 +259,10 @@ def _log_table(found: Findings, names: Sequence[str]) -> Table:
     logs = [
         names[i] if i < len(names) else f"log {i + 1}" for i in range(len(found.by_log[0].sizes))
     ]
-    caption = "The size of each name in every log alone [95 %]: do the logs agree?"
+    caption = (
+        "The size of each name in every log alone [95 %]. The logs agree where the sizes differ by "
+        "no more than chance and a healthy table's tolerance allow (1 in 100)."
+    )
     return Table(("effect", *logs, "logs agree"), rows, caption, words=1)
 
 

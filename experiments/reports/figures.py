@@ -62,7 +62,7 @@ def mark_times(figure: Figure, times_s: Sequence[float], text: str) -> None:
             axis.axvline(t_s, color="0.35", lw=0.9, ls=":")
             if i == 0 and axis is figure.axes[0]:
                 top = axis.get_xaxis_transform()
-                axis.text(t_s, 0.98, f" {text}", transform=top, va="top", fontsize=7, color="0.35")
+                axis.text(t_s, 0.98, f" {text}", transform=top, va="top", fontsize=9, color="0.35")
 
 
 def ball_cm(log: Log) -> tuple[np.ndarray, np.ndarray]:
@@ -96,8 +96,8 @@ def save(figure: Figure, folder: Path, name: str, source: str) -> Path:
     """
     engine = figure.get_layout_engine()
     if engine is not None:  # room for the mark above everything else
-        engine.set(rect=(0, 0, 1, 1 - 0.14 / figure.get_figheight()))  # pyright: ignore
-    figure.text(0.995, 0.995, SOURCES[source], ha="right", va="top", fontsize=7, color="0.4")
+        engine.set(rect=(0, 0, 1, 1 - 0.17 / figure.get_figheight()))  # pyright: ignore
+    figure.text(0.995, 0.995, SOURCES[source], ha="right", va="top", fontsize=9, color="0.4")
     # First: letters are widest here, and the places are found for them.
     path = write_figure(figure, folder / f"{name}.png")
     if engine is not None:
@@ -192,7 +192,7 @@ def _inset(axis: Axes, size_cm: float, bounds: tuple[float, float, float, float]
     """A magnified view of the centre."""
     inset = axis.inset_axes(bounds)
     inset.set(xlim=(-size_cm, size_cm), ylim=(-size_cm, size_cm), aspect="equal")
-    inset.tick_params(labelsize=7)
+    inset.tick_params(labelsize=9)
     axis.indicate_inset_zoom(inset, edgecolor="0.5")
     return inset
 
@@ -238,10 +238,10 @@ def release_scatter(
             (xy[0], xy[1]),
             xytext=ASIDE_PT[arm],
             textcoords="offset points",
-            fontsize=8,
+            fontsize=9,
             arrowprops=arrow,
         )
-    axis.legend(loc="lower left", fontsize=8)
+    axis.legend(loc="lower left", fontsize=9)
     return figure
 
 
@@ -260,7 +260,7 @@ def pushed_scatter(
     _wanted(axis, log, 8)
     if centroid_cm is not None:
         axis.plot(*centroid_cm, "x", color="k", ms=10, mew=2.2, ls="", label="centroid", zorder=5)
-    axis.legend(loc="lower left", fontsize=8)
+    axis.legend(loc="lower left", fontsize=9)
     return figure
 
 
@@ -314,7 +314,7 @@ def play_map(cells: Sequence[dict], measure: str, title: str, unit: str) -> Figu
         numbers = (f"{factor * result[key]:+.{digits}f}" for key in ("effect", "low", "high"))
         text = "{}\n[{}, {}]\n".format(*numbers) + word
         dark = abs(value[i, j]) > 0.6 * top
-        axis.text(j, i, text, ha="center", va="center", fontsize=8, color="w" if dark else "k")
+        axis.text(j, i, text, ha="center", va="center", fontsize=9, color="w" if dark else "k")
     image = axis.imshow(value, cmap=HELPS_HURTS, vmin=-top, vmax=top, origin="lower", aspect="auto")
     axis.set_xticks(range(len(gears)), [f"{g:g}" for g in gears])
     axis.set_yticks(range(len(joints)), [f"{g:g}" for g in joints])
@@ -361,5 +361,5 @@ def play_estimates(logs: Sequence[Log], truth_deg: Mapping[str, float]) -> Figur
         axis.set(xlabel="time from release [s]", ylim=(0.0, 2 * truth_deg[place] + 1))
         axis.set_title(f"{place} play", fontsize=9)
     axes[0].set_ylabel("full width [deg at the servo]")
-    axes[0].legend(fontsize=8, loc="upper right")
+    axes[0].legend(fontsize=9, loc="upper right")
     return figure

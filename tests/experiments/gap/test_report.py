@@ -317,7 +317,7 @@ def test_a_refused_name_has_no_probability_in_the_figure():
     refused = RankedEffect("plate_bowl", 90.0, 0.0, refused=True)
     figure = figures.ranking([RankedEffect("viscous_drag", 120.0, 0.87), refused], ["viscous_drag"])
     told = [text.get_text() for text in figure.axes[0].texts]
-    assert told == ["87 %   (score 120)", "refused, see the notes   (score 90)"]
+    assert told == ["87 %", "refused, see the notes"]
     assert [bar.get_width() for bar in figure.axes[0].patches] == [87.0, 0.0]
 
 
