@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -15,7 +16,7 @@ from experiments.records.importing import read_log
 from experiments.records.recording import read_run
 from rig.hardware.board.link import LinkLost
 from rig.hardware.network.remote import RemoteTable
-from rig.hardware.network.token_file import read_token
+from rig.hardware.network.token_file import make_token, read_token
 from rig.hardware.wiring import Wiring
 from tests.support.command import call
 from tests.support.waiting import wait_for
@@ -188,7 +189,6 @@ def test_sigterm_is_obeyed_while_a_run_compiles_for_the_first_time(tmp_path: Pat
     child = _start(["run", "hold", "--arm", "with", "--out", str(out)], env=environment)
     wait_for("something compiled", lambda: any(cache.rglob("*.nbi")), 240)
     assert child.poll() is None
-    time.sleep(2.0)
     child.send_signal(signal.SIGTERM)
     _, error = child.communicate(timeout=120)  # one function's machine code is not interrupted
     assert child.returncode == 128 + signal.SIGTERM
@@ -249,7 +249,11 @@ def test_a_mistake_of_which_nothing_can_be_said_has_its_exit_code():
 @pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP"])
 def test_a_served_table_that_is_ended_says_so_and_tells_its_user(tmp_path: Path, name: str):
     number = getattr(signal, name)
-    token = tmp_path / "rig.token"
+    token, copied = tmp_path / "rig.token", tmp_path / "copied.token"
+    make_token(token)
+    if name == "SIGHUP":  # the token of a folder that somebody sent
+        shutil.copy2(token, copied)
+        token = copied
     command = [sys.executable, "-m", "experiments.cli", "serve", "--port", "0"]
     program = subprocess.Popen(
         [*command, "--token-file", str(token)],
@@ -259,8 +263,14 @@ def test_a_served_table_that_is_ended_says_so_and_tells_its_user(tmp_path: Path,
     )
     assert program.stdout is not None
     try:
-        line = next((line for line in program.stdout if "serving" in line), "")
-        assert line, program.communicate()
+        lines = []
+        for line in program.stdout:
+            lines.append(line)
+            if "serving" in line:
+                break
+        else:
+            raise AssertionError(program.communicate())
+        assert any("was not made here" in line for line in lines) == (token == copied)
         port = int(line.rsplit(":", 1)[1])
         table = RemoteTable("127.0.0.1", port, read_token(token), Wiring())
         table.read()
