@@ -39,7 +39,7 @@ uint8_t kind_config(board_t *b, const uint8_t *p) {
     b->lag_share = (int16_t)(8192 / b->time_constant_ms);
     if (b->lag_share > 2048) b->lag_share = 2048;
     if (b->lag_share < 1) b->lag_share = 1;
-    b->moved = per_rev / 1571; /* 0.004 rad */
+    b->moved = per_rev / 524; /* 0.012 rad: an encoder whose plug is half out flickers */
     if (b->moved < MOVED_COUNTS) b->moved = MOVED_COUNTS;
     for (e = 0; e < 2; e++) {
         b->sure_mV[e][0] = (uint16_t)least(get16(p + 24 + 4 * e), STALL_MV);
@@ -129,11 +129,15 @@ static int32_t guarded_mV(const board_t *b, uint8_t e, int32_t wish) {
     return wish > -most ? wish : -most;
 }
 
+static uint8_t has_moved(const board_t *b, uint8_t e, int32_t from) {
+    int32_t way = (int32_t)((uint32_t)b->counts[e] - (uint32_t)from);
+    return way > b->moved || way < -b->moved;
+}
+
 static uint8_t stalled(board_t *b, uint8_t e) {
     int16_t v = b->applied_mV[motor_of(b, e)];
     int8_t sign = (int8_t)(v >= STALL_MV ? 1 : v <= -STALL_MV ? -1 : 0);
-    int32_t moved = clamp((int32_t)((uint32_t)b->counts[e] - (uint32_t)b->stall_from[e]), 100);
-    if (sign == 0 || sign != b->stall_sign[e] || moved > STALL_COUNTS || moved < -STALL_COUNTS) {
+    if (sign == 0 || sign != b->stall_sign[e] || has_moved(b, e, b->stall_from[e])) {
         b->stall_ms[e] = 0;
         b->stall_from[e] = b->counts[e];
         b->stall_sign[e] = sign;
@@ -146,11 +150,10 @@ static uint8_t stalled(board_t *b, uint8_t e) {
  * rig/safety/motion_watch.py, in mV times 2 ms, as each arm is looked at in every second tick. */
 static uint8_t still(board_t *b, uint8_t e) {
     int32_t v = b->applied_mV[motor_of(b, e)], lagged, *push = b->push[e];
-    int32_t moved = clamp((int32_t)((uint32_t)b->counts[e] - (uint32_t)b->still_from[e]), 100000);
     if (is_negative(b, e)) v = -v;
     b->lagged[e] += ((LAG_PARTS * v - b->lagged[e]) * b->lag_share) >> 12; /* no slow division */
     lagged = halved(b->lagged[e], LAG_HALVINGS);
-    if (moved > b->moved || moved < -b->moved) {
+    if (has_moved(b, e, b->still_from[e])) {
         b->still_from[e] = b->counts[e];
         push[0] = push[1] = 0;
         return 0;

@@ -22,13 +22,12 @@ enum { WIRED_HOMED = 1, WIRED_NEGATIVE_0 = 2, WIRED_NEGATIVE_1 = 4, WIRED_CROSSE
 #define LEVEL_LIMIT_MV 3000
 #define STALL_MV 2000
 #define STALL_MS 300
-#define STALL_COUNTS 3
 #define FEWEST_COUNTS 64 /* of an encoder in a revolution */
 #define RATE_MS 8 /* span over which levelling measures speed */
 #define MOST_COUNTS 100 /* of an arm in a ms: more is no motion */
 #define FILTER_HALVINGS 4
 #define FILTER_MS (1 << FILTER_HALVINGS) /* time constant of the speed by which arms are braked */
-#define MOVED_COUNTS 2 /* more is a motion: an arm at the edge of a count shows one */
+#define MOVED_COUNTS 2 /* more is a motion, at least: an arm at the edge of a count shows one */
 #define CATCH_TAUS 5 /* so long after the session arms are still braked; e^-5 is left at 0 V */
 
 struct board {

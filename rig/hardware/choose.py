@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
 # What the loop's limiter alone is proven for (tests/rig/safety/test_limits.py): boards and served
 # tables brake their arms themselves. At 12 V of the default servo it is passed by 3 degrees, at 100
-# ticks a second by 2, with 64 counts a turn by 3.
-FASTEST_RAD_S, SLOWEST_HZ, FEWEST_COUNTS = 12.0, 200.0, 400
+# ticks a second by 2, with 64 counts a turn by 3; at 12 rad/s after a pause of 48 ms by 4.
+FASTEST_RAD_S, SLOWEST_HZ, FEWEST_COUNTS = 10.0, 200.0, 400
 
 
 class OpenTable(Table, AbstractContextManager, Protocol):

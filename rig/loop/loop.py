@@ -19,13 +19,11 @@ from rig.operator import SAY, Operator
 from rig.parameters import Rig
 from rig.safety import monitor
 from rig.safety.levelling import LevelOnExit
-from rig.safety.limits import CATCH_TAUS, LATE_TICKS, STALE_S, Braking, limit, limit_angle
+from rig.safety.limits import CATCH_TAUS, Braking, delayed, lateness, limit, limit_angle
 from rig.safety.monitor import Fault, MonitorLimits
 from rig.table import Reading, Table, takes_angle
 
 HIGHEST_GAINS = (20.0, 20.0, 20.0)  # rad/m, rad/(m s), rad s/m: what a setpoint page may ask for
-LATE_KEPT = 0.97  # of a tick's lateness, in each that follows; chosen: forgotten after some thirty
-SLOW_TICKS = LATE_TICKS + 1.0  # of a late loop: the next tick may come as late again
 PLACED_S = 0.5  # so long a ball must lie at its start before it counts as placed
 
 
@@ -199,10 +197,8 @@ class Loop:
     def _limit(self, reading: Reading) -> None:
         """What is applied of what is commanded; where ticks come late, volts last longer."""
         age_s, q = self._monitor_state.late_s, self._q
-        late_s = min(age_s, STALE_S) if age_s > 0.5 * self._limits.period_s else 0.0
-        self._slow_s = max(late_s, LATE_KEPT * self._slow_s)
-        delay = q["delay"] + SLOW_TICKS * self._slow_s
-        stops = Braking(delay, q["time_constant"], q["top_speed"])
+        self._slow_s = lateness(self._slow_s, age_s, self._limits.period_s)
+        stops = self._stops()
         for a, theta in enumerate(reading.theta_rad):
             rate, free = (self.state["estimate"][name][a] for name in ("rate", "free_rate"))
             last, bounds = self._applied[a], (q["voltage_limit"], q["angle_limit"], q["slew"])
@@ -211,6 +207,11 @@ class Loop:
             else:
                 now = limit(self._commanded[a], theta, rate, last, *bounds, stops, age_s, free)
             self._applied[a] = now
+
+    def _stops(self) -> Braking:
+        """How its arms stop, by the ticks as they come."""
+        q = self._q
+        return delayed(Braking(q["delay"], q["time_constant"], q["top_speed"]), self._slow_s)
 
     def _note(
         self, reading: Reading, row: np.ndarray, target: np.ndarray, push: tuple[float, float]
@@ -298,7 +299,7 @@ class Loop:
         """Whether one of the arms might pass its angle limit at 0 V: it coasts by tau w from the
         speed w. One that is beyond what the monitor allows is at its stop.
         """
-        far_s = self._q["delay"] + SLOW_TICKS * self._slow_s + 2.0 * self._q["time_constant"]
+        far_s = self._stops().delay_s + 2.0 * self._q["time_constant"]
         theta = np.abs([seen.theta_rad[a] for a in arms])
         estimate = self.state["estimate"]
         rates = np.maximum(np.abs(estimate["rate"]), np.abs(estimate["free_rate"]))

@@ -15,6 +15,8 @@ STALE_S = 0.05  # an estimate that was not brought up to date for so long is wor
 TAPER_RAD = 0.04  # chosen, because a steeper law swings about the limit: see test_limits
 CATCH_TAUS = 5  # so long an arm that would pass its limit is braked; e^-5 of its speed is left
 LATE_TICKS = 1.5  # a rate is half a tick old, and volts act from this tick to the next
+LATE_KEPT = 0.97  # of a tick's lateness, in each that follows; chosen: forgotten after some thirty
+SLOW_TICKS = LATE_TICKS + 1.0  # of late ticks: the next one may come as late again
 
 
 class Braking(NamedTuple):
@@ -33,6 +35,23 @@ def braking(servo: Servo, period_s: float, filter_s: float = 0.0) -> Braking:
     """How the arms of a servo stop; period_s: of the tick, filter_s: time constant of the rate."""
     top_speed_rad_s = servo.gain_rad_s_V * servo.voltage_limit_V
     return Braking(filter_s + LATE_TICKS * period_s, servo.time_constant_s, top_speed_rad_s)
+
+
+def lateness(before_s: float, late_s: float, period_s: float) -> float:
+    """Lateness to reckon with from this tick on [s].
+
+    before_s: of the tick before; late_s: how late this one is; less than half a period is none.
+    """
+    now_s = min(late_s, STALE_S) if late_s > 0.5 * period_s else 0.0
+    return max(now_s, LATE_KEPT * before_s)
+
+
+def delayed(stops: Braking, slow_s: float) -> Braking:
+    """How arms stop where ticks come late by slow_s [s]: the rate is older, and volts last longer.
+
+    Of a constant lateness the tick is longer by as much, and the next one may be late again.
+    """
+    return stops._replace(delay_s=stops.delay_s + SLOW_TICKS * slow_s)
 
 
 @compiled

@@ -72,7 +72,7 @@ class MonitorLimits:
         after tau ln(1 + V_max / stall_V). From then on it goes K V (t - tau (1 - e^(-t/tau))),
         at least K V t^2 / (2 tau + t): a way s within tau (q + sqrt(q^2 + 8 q)) / 2 with
         q = s / (K V tau). stall_s is as long for the play of the gear and the least motion that
-        its encoder tells from a step, and 80 ms for servos that are faster (tau below 27 ms).
+        its encoder tells from a step, and 80 ms for servos that are faster (tau below 24 ms).
         """
         fastest = servo.gain_rad_s_V * servo.voltage_limit_V
         if servo.takes_angle:

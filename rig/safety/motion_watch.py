@@ -29,7 +29,8 @@ PLAY_RAD = radians(3.0)  # of a gear, full width: three times the usual
 WEAKEST = 0.5  # share of the rig file's gain that a healthy servo has at least
 WORSE = 2.0  # friction since homing, over what homing measured; offsets stay
 LASTS_S = 0.02  # of a command to a board: for longer nobody knows that its volts were applied
-MOVED_RAD, MOVED_STEPS = 0.004, 2.5  # an arm at the edge of a count shows one step to and fro
+MOVED_RAD = 0.012  # chosen: beyond seven counts of 4096, by which a plug that is half out flickers
+MOVED_STEPS = 2.5  # at least: an arm at the edge of a count shows one step to and fro
 STRONG_V = 2.0  # as the monitor's and the boards' stall: the most that any arm needs to move
 UNKNOWN: tuple[Both, Both] = ((inf, inf), (inf, inf))
 

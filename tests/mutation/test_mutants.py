@@ -54,6 +54,7 @@ def test_every_mutant_of_the_limiter_dies():
         assert (module.SLEW_V_S, module.STALE_S, module.TAPER_RAD) == (1500.0, 0.05, 0.04)
         assert module.CATCH_TAUS == 5
         assert module.free_rate(2.0, 3.0, 1.5, 0.25) == 0.25 * 2.0 + 0.75 * 4.5
+        limiter_laws.late_laws(module)
         stops = module.braking(Servo(gain_rad_s_V=1.5, time_constant_s=0.1), 0.002, 0.017)
         assert stops == pytest.approx(limiter_laws.STOPS)
         assert module.braking(Servo(), 0.002) == pytest.approx((0.003, 0.025, 9.18))

@@ -58,3 +58,15 @@ def angle_laws(limit_angle) -> None:
         found = limit_angle(wish, last, ANGLE, age_s)
         assert found == right, (wish, last, age_s, found)
     assert limit_angle(0.3, 0.1, ANGLE) == 0.3  # an estimate of now
+
+
+def late_laws(limits) -> None:
+    """AssertionError where the module `limits` reckons otherwise with ticks that come late."""
+    assert limits.lateness(0.0, 0.001, 0.002) == 0.0  # half a tick is none
+    assert limits.lateness(0.0, 0.0011, 0.002) == 0.0011
+    assert limits.lateness(0.004, 0.001, 0.002) == 0.97 * 0.004  # forgotten by and by
+    assert limits.lateness(0.01, 0.005, 0.002) == 0.97 * 0.01
+    assert limits.lateness(0.0, inf, 0.002) == STALE_S  # older estimates give no volts at all
+    stops = limits.delayed(limits.Braking(*STOPS), 0.004)
+    assert isclose(stops.delay_s, DELAY_S + 2.5 * 0.004)
+    assert stops[1:] == STOPS[1:]

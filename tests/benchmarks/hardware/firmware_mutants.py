@@ -32,8 +32,8 @@ FIRMWARE = ROOT / "rig/firmware"
 FILES = {
     "protocol.c": (("take_config", "take_arm", "take_command", "watch"), test_board),
     "volts.c": (
-        ("kind_config", "kind_command", "measure_speed", "most_mV", "guarded_mV", "stalled",
-         "guard", "keep_catching", "wish_mV", "apply"),
+        ("kind_config", "kind_command", "measure_speed", "most_mV", "guarded_mV", "has_moved",
+         "stalled", "guard", "keep_catching", "wish_mV", "apply"),
         test_board,
     ),
     "pulses.c": (
@@ -73,8 +73,6 @@ EQUIVALENT = {
     "int8_t sign = (int8_t)(v >= STALL_MV[? -> ? !!]1 : v <= -STALL_MV ? -1 : 0);",
     "int8_t sign = (int8_t)(v >= STALL_MV ? [1 -> 2] : v <= -STALL_MV ? -1 : 0);",
     "int8_t sign = (int8_t)(v >= STALL_MV ? 1 : v <= -STALL_MV ? -[1 -> 2] : 0);",
-    # The bound keeps a difference from overflowing; any above STALL_COUNTS will do.
-    "int32_t moved = clamp((int32_t)((uint32_t)b->counts[e] - (uint32_t)b->stall_from[e]), [100 -> 101]);",  # noqa: E501
 }
 
 

@@ -46,7 +46,7 @@ def test_what_is_no_address_is_refused(address: str):
 @pytest.mark.parametrize(
     ("servo", "rate_hz", "said"),
     [
-        (Servo(voltage_limit_V=24.0), 500.0, "voltage_limit_V = 24: at most 7"),
+        (Servo(voltage_limit_V=24.0), 500.0, "voltage_limit_V = 24: at most 6.5"),
         (Servo(), 100.0, "control_rate_hz = 100: at least 200"),
         (Servo(encoder_counts_per_rev=64), 500.0, "encoder_counts_per_rev = 64: at least 400"),
     ],

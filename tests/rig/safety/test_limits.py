@@ -13,6 +13,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, ru
 from rig.course import Course
 from rig.parameters import Gains, Rig, Servo
 from rig.plant import plant, plant_record
+from rig.safety import limits
 from rig.safety.limits import STALE_S, TAPER_RAD, Braking, braking, free_rate, limit
 from tests.support import limiter_laws
 from tests.support.limiter_laws import laws
@@ -109,6 +110,10 @@ def test_every_branch(wish, theta, expected):
     assert clip(wish, theta, 6.0, 0.5) == pytest.approx(expected)
     plain = getattr(limit, "py_func")  # noqa: B009, the same without the compiler
     assert plain(wish, theta, 0.0, 0.0, 6.0, 0.5, math.inf, STOPS) == pytest.approx(expected)
+
+
+def test_ticks_that_come_late_are_reckoned_with():
+    limiter_laws.late_laws(limits)
 
 
 def test_the_whole_promise_on_a_grid_compiled_and_plain():

@@ -60,9 +60,9 @@ def test_volts_that_may_leave_it_at_rest_never_make_it_overdue(volts: float):
 def test_a_motion_either_way_begins_anew():
     limits = limits_of()
     for sign in (1.0, -1.0):
-        creeps = lambda k, s=sign: s * 0.0041 * (k // 40)  # noqa: E731
+        creeps = lambda k, s=sign: s * 0.0121 * (k // 40)  # noqa: E731
         assert overdue_s(lambda k: 1.0, creeps) is None
-        less = lambda k, s=sign: s * 0.0039 * ((k // 40) % 2)  # noqa: E731
+        less = lambda k, s=sign: s * 0.0119 * ((k // 40) % 2)  # noqa: E731
         assert overdue_s(lambda k: 1.0, less) is not None
     seen = MotionWatch(1.0, 0.01, 0.02, 0.25)
     exact = replace(limits, moved_rad=0.25)
@@ -70,6 +70,16 @@ def test_a_motion_either_way_begins_anew():
         now = watch_motion(seen, exact, SURE, 1.0, theta, TICK)
         assert (now.up_rad, now.down_rad, now.theta_rad) == (0.0, 0.0, theta)
     assert watch_motion(seen, exact, SURE, 1.0, 0.45, TICK).theta_rad == 0.25
+
+
+@pytest.mark.parametrize("counts", [3, 5, 7])
+@pytest.mark.parametrize("volts", [1.0, 2.0, 6.0])
+def test_an_encoder_that_stands_and_flickers_is_seen(counts: int, volts: float):
+    """A plug that is half out; 3 counts of 4096 passed for a motion, for ever."""
+    flickers = lambda k: counts * STEP * (k // 3 % 2)  # noqa: E731
+    seen_s, frozen_s = overdue_s(lambda k: volts, flickers), overdue_s(lambda k: volts)
+    assert seen_s == frozen_s
+    assert seen_s is not None
 
 
 def test_volts_to_and_fro_push_nowhere():
@@ -110,7 +120,7 @@ def test_edges_and_what_cannot_be_changed():
 
 
 def test_the_way_follows_from_play_and_counts():
-    assert way_of(STEP) == (0.004, pytest.approx(2 * (radians(3.0) + 0.004)))
+    assert way_of(STEP) == (0.012, pytest.approx(2 * (radians(3.0) + 0.012)))
     assert way_of(0.01) == (0.025, pytest.approx(2 * (radians(3.0) + 0.025)))
     known = MotionLimits.of_servo(replace(SERVO, encoder_counts_per_rev=100), (SURE, SURE))
     assert (known.moved_rad, known.way_rad) == way_of(2 * pi / 100)

@@ -57,8 +57,8 @@ def test_channels_that_are_turned_or_crossed_have_their_own_volts(wired: int, x:
 
 def test_weak_volts_a_motion_and_an_unhomed_board_are_no_stall():
     assert Knowing().still_ms(0.75, -0.4) is None
-    assert Knowing().still_ms(1.0, counts=lambda k: (3 * (k // 100), 0)) is None
-    assert Knowing().still_ms(1.0, counts=lambda k: (2 * (k // 100 % 2), 0)) is not None
+    assert Knowing().still_ms(1.0, counts=lambda k: (8 * (k // 100), 0)) is None
+    assert Knowing().still_ms(1.0, counts=lambda k: (7 * (k // 3 % 2), 0)) is not None  # flickers
     assert Knowing(wired=0).still_ms(1.4) is None
     bench = Bench()  # nobody told it
     for _ in range(1000):
