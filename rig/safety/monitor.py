@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from math import copysign, inf, isfinite, log1p, sqrt
 
 from rig.parameters import ANGLE_MARGIN_RAD, Rig, Servo
+from rig.safety.follow_watch import FollowWatch, patience_s, watch_following
 from rig.safety.motion_watch import (
     PLAY_RAD,
     UNKNOWN,
@@ -35,7 +36,8 @@ class MonitorLimits:
     way by stall_rad within stall_s. unseen_s: longest time without a newer exposure while the ball
     is balanced; old_s: largest age of an observation; late_s: latest tick; late_ticks: number of
     missed ticks that is a fault, of which each tick in time makes good late_share; measured: the
-    angles are, else they are no numbers; motion: which weaker volts move an arm, None: not known.
+    angles are, else they are no numbers; motion: which weaker volts move an arm, None: not known;
+    follow_s: longest time without a motion of an arm that is told another angle, inf: none is.
     """
 
     period_s: float
@@ -52,6 +54,7 @@ class MonitorLimits:
     late_ticks: float = 25.0
     measured: bool = True
     motion: MotionLimits | None = None
+    follow_s: float = inf
 
     @classmethod
     def of_rig(cls, rig: Rig, breakaway_V: tuple[Both, ...] = ()) -> "MonitorLimits":
@@ -93,6 +96,7 @@ class MonitorLimits:
             stall_rad=moved_rad,
             measured=servo.has_angle,
             motion=None if servo.takes_angle else MotionLimits.of_servo(servo, sure_V),
+            follow_s=patience_s(servo) if servo.takes_angle and servo.has_angle else inf,
         )
 
 
@@ -127,7 +131,7 @@ class StallWatch:
 class MonitorState:
     """What the monitor keeps from tick to tick.
 
-    t_s, theta_rad: of the last reading (-inf before the first); pushes, motions: by axis;
+    t_s, theta_rad: of the last reading (-inf before the first); pushes, motions, follows: by axis;
     exposed_s: newest exposure; seen_s: time of the reading that brought it; missed: missed ticks,
     less late_share for each tick in time; late_s: lateness of the last tick.
     """
@@ -136,6 +140,7 @@ class MonitorState:
     theta_rad: tuple[float, float] = (0.0, 0.0)
     pushes: tuple[StallWatch, StallWatch] = (StallWatch(), StallWatch())
     motions: tuple[MotionWatch, MotionWatch] = (MotionWatch(), MotionWatch())
+    follows: tuple[FollowWatch, FollowWatch] = (FollowWatch(), FollowWatch())
     exposed_s: float = -inf
     seen_s: float = -inf
     missed: float = 0.0
@@ -153,8 +158,8 @@ def check(
 ) -> tuple[MonitorState, Fault | None]:
     """Return the next state, and the fault that ends the run (None: all is well).
 
-    volts: applied from the last reading to this one; balancing: the ball is needed; late_s: how
-    late the loop came to this tick by the wall clock, where the readings' times do not tell.
+    volts: applied from the last reading to this one, or angles told; balancing: the ball is needed;
+    late_s: how late the loop came to this tick by the wall clock, where no reading tells.
     """
     first = state.t_s == -inf
     step_s = limits.period_s if first else reading.t_s - state.t_s
@@ -178,10 +183,12 @@ def check(
         theta_rad=reading.theta_rad,
         pushes=(pushes[0], pushes[1]),
         motions=_motions(state, limits, reading, volts, step_s),
+        follows=_follows(state, limits, reading, volts),
         missed=state.missed + 1.0 if missed else max(0.0, state.missed - limits.late_share),
         late_s=late_s,
     )
-    fault = _stall(after, limits, volts) or _still(after, limits) or _lost(reading)
+    fault = _stall(after, limits, volts) or _still(after, limits) or _left(after, limits)
+    fault = fault or _lost(reading)
     return after, fault or _camera(after, limits, reading, balancing)
 
 
@@ -308,6 +315,27 @@ def _still(after: MonitorState, limits: MonitorLimits) -> Fault | None:
             up, down = limits.motion.sure_V[a]
             volt = up if one.up_rad > one.down_rad else -down
             words = f"servo {'xy'[a]} stands still under more than {volt:.1f} V: {BLOCKED}"
+            return Fault("stall", words, False, a)
+    return None
+
+
+def _follows(
+    state: MonitorState, limits: MonitorLimits, reading: Reading, told_rad: tuple[float, float]
+) -> tuple[FollowWatch, FollowWatch]:
+    if limits.follow_s == inf:
+        return state.follows
+    x, y = (
+        watch_following(state.follows[a], told_rad[a], reading.theta_rad[a], reading.t_s)
+        for a in (0, 1)
+    )
+    return x, y
+
+
+def _left(after: MonitorState, limits: MonitorLimits) -> Fault | None:
+    """A servo that is told an angle and stays where it is."""
+    for a, one in enumerate(after.follows):
+        if after.t_s - one.since_s > limits.follow_s:
+            words = f"servo {'xy'[a]} stays at {one.theta_rad:.2f} rad, told elsewhere: {BLOCKED}"
             return Fault("stall", words, False, a)
     return None
 

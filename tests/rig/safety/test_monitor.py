@@ -113,7 +113,7 @@ def test_limits_are_the_tables_own():
     assert LIMITS.angle_rad == servo.angle_limit_rad + ANGLE_MARGIN_RAD
     defaults = MonitorLimits(1.0, 2.0, 3.0, 4.0)
     healthy_table = (2.0, 0.08, 0.004, 1.25, 0.5, 0.1, 0.05, 25.0)
-    assert astuple(defaults) == (1.0, 2.0, 3.0, 4.0, *healthy_table, True, None)
+    assert astuple(defaults) == (1.0, 2.0, 3.0, 4.0, *healthy_table, True, None, inf)
 
 
 def test_servos_that_take_an_angle_have_their_own_rate_no_stall_and_perhaps_no_angle():
