@@ -179,12 +179,11 @@ class BusTable(ServoTable, LevelOnExit):
     def arm(self) -> None:
         """Switch torque on where the servos are; then, homed, bring the plate level slowly.
 
-        ValueError: an arm is turned away from its level; LinkLost: the bus is lost; ServoAlarm: a
-        servo does not arm, or does not come to level; ArmingStoppedError: `stop_asked` on the way,
-        the arms are told to stay where they are.
+        ValueError: an arm is turned away from its level. Told to stay where they are: LinkLost, the
+        bus is lost; ServoAlarm, one does not arm or come to level; ArmingStoppedError: `stop_asked`
         """
         vendor, counts = self._vendor, self._counts()
-        self._told = self._wiring.angles(counts)
+        self.turned_rad = self._told = self._wiring.angles(counts)
         self._check_near()
         units = [round(r / s.speed_rad_s) for r, s in zip(self._rates, self._setups, strict=True)]
         self._tell_watchdog(on=False)
@@ -200,6 +199,7 @@ class BusTable(ServoTable, LevelOnExit):
                 self._go_level()
                 self._step_rad = inf
         except BaseException:
+            self._homed = False  # nothing is levelled any more
             self.close()
             raise
 
@@ -220,8 +220,6 @@ class BusTable(ServoTable, LevelOnExit):
         while True:
             self._look()
             if self.stop_asked():
-                self._tell_goals(self.turned_rad)
-                self._homed = False  # nothing is levelled any more
                 raise ArmingStoppedError
             self.drive((0.0, 0.0))
             if any(self._told):
@@ -266,7 +264,9 @@ class BusTable(ServoTable, LevelOnExit):
         self._tell_goals([min(max(angle, told - step), told + step) for angle, told in ways])
 
     def close(self) -> None:
-        """Leave the servos holding level, to which they go slowly, and let the bus go."""
+        """Leave the servos holding level, to which they go slowly, or where they are, which a
+        blocked one is not pushed on from, where level is not known; and let the bus go.
+        """
         if self._closed:
             return
         self._closed = True
@@ -275,8 +275,8 @@ class BusTable(ServoTable, LevelOnExit):
                 self._tell_watchdog(on=False)
                 units = [round(START_RAD_S / setup.speed_rad_s) for setup in self._setups]
                 self._write(self._vendor.speed, [self._vendor.speed_data(unit) for unit in units])
-                if self._homed:
-                    self._tell_goals((0.0,) * len(self._ids))
+                level = (0.0,) * len(self._ids)
+                self._tell_goals(level if self._homed else self.turned_rad)
         self._armed = False
         self._link.close()
 
@@ -394,7 +394,7 @@ class BusTable(ServoTable, LevelOnExit):
         """The error that a servo reports, and what its registers say of it."""
         found = self._ask_once(self._vendor.health).get(servo_id)
         more = self._vendor.health_alarm(found.data) if found and self._armed else ""
-        return ", ".join(filter(None, (why, more)))
+        return f"{why}, {more}" if more else why
 
     def _alarm(self, servo_id: int, why: str) -> OSError:
         return self._end(ServoAlarm(errno.EIO, f"{self._name(servo_id)} reports: {why}"))

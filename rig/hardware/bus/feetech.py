@@ -103,12 +103,16 @@ class Feetech:
         return packet(BROADCAST, WRITE_ALL, bytes((address, length)) + each)
 
     def read_setup(self, data: bytes) -> Setup:
-        """Limits (9, 11), unit of speed (18) and mode (33); limits of 0 are none."""
+        """Limits (9, 11), unit of speed (18), angle of a count (30) and mode (33); limits of 0 are
+        none.
+        """
         low, high = int.from_bytes(data[0:2], "little"), int.from_bytes(data[2:4], "little")
         unit = 2 * pi / self.counts_per_rev * (1 if data[9] & FINE_SPEED else 50)
         wrong = ""
         if data[24] != POSITION_MODE:
             wrong = f"is in operating mode {data[24]}: set register 33 to 0 (position)"
+        if data[21] > 1:  # it turns by so many steps a count
+            wrong = f"has an angular resolution of {data[21]}: set register 30 to 1"
         return Setup(low, high or self.counts_per_rev - 1, unit, wrong)
 
     def read_present(self, data: bytes) -> Present:

@@ -379,7 +379,11 @@ def test_an_answer_to_an_earlier_question_is_none_to_this_one(bench, kind: str, 
 
 
 WRONG = {
-    "feetech": [(33, 1, 1, "operating mode 1"), (11, 2300, 2, "goes from count 0 to 2300")],
+    "feetech": [
+        (33, 1, 1, "operating mode 1"),
+        (30, 2, 1, "angular resolution of 2"),  # it turned twice as far as it told
+        (11, 2300, 2, "goes from count 0 to 2300"),
+    ],
     "dynamixel": [
         (11, 4, 1, "operating mode 4"),
         (10, 4, 1, "time-based"),
@@ -416,6 +420,8 @@ def test_an_arm_that_is_held_does_not_come_to_level_and_is_named(bench, kind: st
     one.board.servos[1].held = True
     with pytest.raises(ServoAlarm, match=r"servo x stays 0\.46 rad from level"):
         one.open().__enter__()
+    one.run(1.0)
+    assert (1, round(one.board.servos[1].counts)) in one.goals()[-2:]  # it pushed on, for ever
 
 
 @EVERY
