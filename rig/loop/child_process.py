@@ -5,10 +5,12 @@ the table and ends its processes; one that hears the signal first, in the midst 
 with a traceback.
 """
 
+import os
 import signal
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from multiprocessing import resource_tracker
+from multiprocessing import parent_process, resource_tracker
 from multiprocessing.process import BaseProcess
 
 _HELD = [getattr(signal, name) for name in ("SIGINT", "SIGHUP") if hasattr(signal, name)]
@@ -41,3 +43,16 @@ def leave_ctrl_c() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if hasattr(signal, "pthread_sigmask"):
         signal.pthread_sigmask(signal.SIG_UNBLOCK, _HELD)
+
+
+def end_with_program() -> None:
+    """In a process of the program's: end at once when the program has died, by SIGKILL, say; it
+    would hold a camera, or compute on, for nobody.
+    """
+    threading.Thread(target=_outlive, daemon=True, name="end with program").start()
+
+
+def _outlive() -> None:
+    if (program := parent_process()) is not None:
+        program.join()
+        os._exit(1)

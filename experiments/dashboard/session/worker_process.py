@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from typing import Any
 
-from rig.loop.child_process import leave_ctrl_c, start
+from rig.loop.child_process import end_with_program, leave_ctrl_c, start
 
 NICE_INCREMENT = 5  # lower priority than the loop process; chosen
 
@@ -68,8 +68,9 @@ class _Lines(io.TextIOBase):
 
 
 def stand_back() -> None:
-    """Give way to the loop, and leave Ctrl-C to the program, which ends this process."""
+    """Give way to the loop, and leave Ctrl-C to the program, with which this process ends."""
     leave_ctrl_c()
+    end_with_program()
     with suppress(OSError, AttributeError):
         os.nice(NICE_INCREMENT)
 

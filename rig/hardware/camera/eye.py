@@ -16,7 +16,7 @@ from typing import Protocol, Self
 import numpy as np
 
 from rig.hardware.camera.preview import Preview
-from rig.loop.child_process import leave_ctrl_c, signals_held
+from rig.loop.child_process import end_with_program, leave_ctrl_c, signals_held
 from rig.plant.ball import plate_rotation, tilt_sines
 from rig.shared_memory import SharedArray, SharedRing, encoded
 from vision.frames import Frame, Observation, Track
@@ -168,6 +168,7 @@ def see(eye: CameraEye, opener: Opener) -> None:
 
 def _process(eye: CameraEye, opener: Opener) -> None:
     leave_ctrl_c()
+    end_with_program()
     see(eye, opener)
     eye.close()
 

@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -52,3 +53,43 @@ def test_ctrl_c_while_a_child_still_imports_is_for_the_program(tmp_path: Path):
     os.killpg(running.pid, signal.SIGINT)
     told = running.communicate(timeout=60)[0].splitlines()
     assert told == ["done", "the program heard it; the child ended with 0"]
+
+
+LEFT = """
+import os, sys, time
+from multiprocessing import get_context
+from rig.loop.child_process import end_with_program
+
+def work():
+    end_with_program()
+    print(os.getpid(), flush=True)
+    while True:
+        time.sleep(60)
+
+if __name__ == "__main__":
+    get_context("spawn").Process(target=work).start()
+    time.sleep(60)
+"""
+
+
+@pytest.mark.skipif(os.name == "nt", reason="kill -9 of POSIX")
+def test_a_program_that_is_killed_leaves_no_process_behind(tmp_path: Path):
+    """The camera's went on, and no other program got the camera."""
+    program = tmp_path / "program.py"
+    program.write_text(LEFT)
+    root = str(Path(__file__).parents[3])
+    running = subprocess.Popen(
+        [sys.executable, str(program)],
+        stdout=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONPATH": root},
+    )
+    with running:
+        assert running.stdout is not None
+        child = int(running.stdout.readline())
+        running.kill()
+        assert running.stdout.read() == ""  # the pipe's other end, which the child held, is closed
+    until_s = time.monotonic() + 10.0
+    while Path(f"/proc/{child}").exists() and time.monotonic() < until_s:
+        time.sleep(0.05)
+    assert not Path(f"/proc/{child}").exists()
