@@ -33,6 +33,10 @@ from rig.parameters import Rig
 from rig.safety.monitor import MonitorLimits, check_step
 from rig.table import Reading, Table
 
+# Of the tilt that is expected; chosen: joints with play take up a part of the swing, and a servo of
+# 270 degrees that is told pulses for 180 goes 1.5 times as far.
+LEAST_TILT, MOST_TILT = 0.4, 1.33
+
 
 @dataclass(frozen=True)
 class Homing:
@@ -179,11 +183,12 @@ def _recognised(arm: Arm, column: Pair, linkage: Linkage) -> tuple[int, int]:
         across = abs(column[0] * expected[1] - column[1] * expected[0]) / most
         found.append((abs(along), servo, 1 if along > 0 else -1, across, most))
     seen, servo, sign, across, most = max(found)
-    if seen < 0.4 * most:
+    if not LEAST_TILT * most <= seen <= MOST_TILT * most:
         raise HomingRefused(
             "plate does not follow",
             f"the arm of motor channel {arm.motor} tilts the plate by {seen:.3f} rad a rad, "
-            f"{most:.3f} are expected: is the linkage on, [linkage] right?",
+            f"{most:.3f} are expected: is the linkage on, are [linkage] and, of servos on pulses, "
+            "pulse_us_per_rad right?",
         )
     if across > 0.5 * seen:
         raise HomingRefused(

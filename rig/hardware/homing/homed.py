@@ -10,7 +10,7 @@ from pydantic import TypeAdapter
 
 from rig.files import file_bytes, write_whole
 from rig.hardware.homing.home import Homing
-from rig.hardware.wiring import Wiring
+from rig.hardware.wiring import Wiring, file_wiring
 from rig.linkage import Linkage
 from rig.parameters import BUS_KINDS, PULSES, QUANSER, Rig, Servo
 from rig.table import Table
@@ -65,8 +65,8 @@ class Homed:
         write_whole(path, json.dumps(asdict(self), indent=1).encode() + b"\n")
 
     def check(self, rig: Rig, boot_id: str | None, now: datetime | None = None) -> None:
-        """Raise NotHomed where the homing is of another table, another power-up, too long ago, or
-        of narrower limits than the rig file has now.
+        """Raise NotHomed where the homing is of another table, another power-up, too long ago, of
+        narrower limits than the rig file has now, or of other channels that no camera confirmed.
 
         boot_id: as `power_up` names it now; now: the time (default: the system's).
         """
@@ -75,6 +75,8 @@ class Homed:
         if self.wiring.counts_per_rev != rig.servo.encoder_counts_per_rev:
             raise NotHomed(f"servo.encoder_counts_per_rev has changed since the homing: {CURE}")
         self._check_limits(rig.servo, rig.linkage)
+        if not self.confirmed:
+            self._check_told(rig)
         age = (now or datetime.now(UTC)) - datetime.fromisoformat(self.at)
         if boot_id is not None or self.boot_id is not None:
             if self.boot_id != boot_id:
@@ -106,6 +108,14 @@ class Homed:
                 f"servo.voltage_limit_V = {servo.voltage_limit_V:g} is above the "
                 f"{self.voltage_limit_V:g} V of the homing: lower it, or {CURE}"
             )
+
+    def _check_told(self, rig: Rig) -> None:
+        """NotHomed: the rig file says otherwise now what nobody but it could tell the homing."""
+        told, kept = file_wiring(rig), self.wiring
+        if (told.order, told.sign_angle) != (kept.order, kept.sign_angle):
+            raise NotHomed(f"table.swap or sign_angle has changed since the homing: {CURE}")
+        if rig.servo.takes_angle and told.zero_counts != kept.zero_counts:
+            raise NotHomed(f"table.trim_rad has changed since the homing: {CURE}")
 
     def check_angles(self, theta_rad: tuple[float, float]) -> None:
         """Raise NotHomed where the encoder angles theta_rad (x, y) lie beyond the stops: the

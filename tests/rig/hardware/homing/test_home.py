@@ -145,6 +145,9 @@ def test_a_plate_that_does_not_follow_and_a_turned_camera_are_named():
     table.tilt = lambda t_s, see=table.tilt: (s := see(t_s)) and (0.1 * s[0], s[1])
     assert refused(table).name == "plate does not follow"
     table = Miswired(REAL)
+    table.tilt = lambda t_s, see=table.tilt: (s := see(t_s)) and (s[0], 1.5 * s[1])
+    assert "pulse_us_per_rad" in str(refused(table))  # it went 1.5 times as far as it was told
+    table = Miswired(REAL)
     table.tilt = lambda t_s, see=table.tilt: (s := see(t_s)) and (s[0] + s[1], s[0] - s[1])
     assert refused(table).name == "camera turned"
 

@@ -11,11 +11,12 @@ import pytest
 
 from rig.hardware.homing.home import Homing
 from rig.hardware.homing.homed import Homed, NotHomed, home_file, load, power_up
-from rig.hardware.wiring import Wiring
+from rig.hardware.wiring import Wiring, file_wiring
 from rig.parameters import Rig, Servo, TableChoice
 
 RIG = Rig(table=TableChoice(kind="serial", port="/dev/ttyACM0"))
-FOUND = Homing(Wiring((1, 0), (1, -1), (-1, 1), (300, -20), crossed=True), (1.2, 1.1), (0.4, 0.5))
+ODD = Wiring((1, 0), (1, -1), (-1, 1), (300, -20), crossed=True)
+FOUND = Homing(ODD, (1.2, 1.1), (0.4, 0.5), level=(0.0, 0.0))
 
 
 def homed(boot_id: str | None) -> Homed:
@@ -145,3 +146,29 @@ def test_a_table_that_cannot_tell_is_believed_for_twelve_hours_and_inside_its_st
     for lost in ((0.75, 0.0), (0.0, -14.0), (float("nan"), 0.0)):
         with pytest.raises(NotHomed, match="beyond its stops"):
             one.check_angles(lost)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"swap": True}, "swap or sign_angle"),
+        ({"sign_angle": (-1, 1)}, "swap or sign_angle"),
+        ({"trim_rad": (0.1, 0.0)}, "trim_rad"),
+    ],
+)
+def test_what_the_rig_file_alone_told_a_homing_may_not_change_after_it(change: dict, said: str):
+    """Corrected by a person without a camera, it was not heeded, without a word."""
+    table = TableChoice(kind="feetech", port="/dev/ttyUSB0")
+    rig = Rig(servo=Servo(kind="position", angle_measured=True), table=table)
+    after = replace(rig, table=replace(table, **change))
+    told = Homing(file_wiring(rig), (3.0, 3.0), (0.0, 0.0))
+    Homed.of(told, rig, "id ab").check(rig, "id ab")
+    with pytest.raises(NotHomed, match=f"{said} has changed since the homing: run rig home"):
+        Homed.of(told, rig, "id ab").check(after, "id ab")
+    seen = replace(told, level=(0.0, 0.0))
+    Homed.of(seen, rig, "id ab").check(after, "id ab")  # the markers told it
+
+
+def test_the_trim_of_arms_that_volts_move_is_nothing():
+    told = Homing(replace(file_wiring(RIG), zero_counts=(300, -20)), (1.2, 1.1), (0.4, 0.5))
+    Homed.of(told, RIG, "id ab").check(RIG, "id ab")
