@@ -58,6 +58,21 @@ EQUIVALENT = {
     "return [1 -> 2];",
     "if (b->limit_mV[> -> >=]LIMIT_MV) b->limit_mV = LIMIT_MV;",  # equal stays equal
     "if (b->angle_limit[> -> >=]most) b->angle_limit = most;",  # the same
+    # What is at a bound is that bound; 8192/tau is never 2049, and with 8193 the same below 2.7 s.
+    "if (b->lag_share[> -> >=]2048) b->lag_share = 2048;",
+    "if (b->lag_share > [2048 -> 2049]) b->lag_share = 2048;",
+    "if (b->lag_share[< -> <=]1) b->lag_share = 1;",
+    "if (b->lag_share < [1 -> 2]) b->lag_share = 1;",
+    "b->lag_share = (int16_t)([8192 -> 8193] / b->time_constant_ms);",
+    "if (b->moved[< -> <=]MOVED_COUNTS) b->moved = MOVED_COUNTS;",
+    # Of a limit of 1 mV at most.
+    "b->free_gain = least(256L * 256 / LAG_PARTS * b->top_speed / larger(b->limit_mV, [1 -> 2]), 1000000L);",  # noqa: E501
+    # Each arm in every second tick, whichever is first.
+    "uint8_t is_still = (b->past_at & 1) [== -> !=] e && still(b, e); /* in turn: a tick is short */",  # noqa: E501
+    # The short cut leaves room by far: its way to rest is the whole law's times 3 or more.
+    "stop = (int32_t)((uint32_t)w * b->time_constant_ms / [256 -> 257]); /* or less: no slow division */",  # noqa: E501
+    "if (room - [1 -> 2] - stop >= b->taper) return b->limit_mV;",
+    "if (room - 1 - stop [>= -> >] b->taper) return b->limit_mV;",
     # At the taper's ends the proportion is the whole limit.
     "if (room [>= -> >] b->taper) return b->limit_mV;",
     "if (room [<= -> <] -b->taper) return -(int32_t)b->limit_mV;",

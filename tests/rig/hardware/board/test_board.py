@@ -483,7 +483,7 @@ def most_mV(at: int, w: int, tau_ms: int, counts_per_rev: int) -> int:
     return int(6000 * max(-taper, min(room, taper)) / taper)
 
 
-@pytest.mark.parametrize("tau_ms", [10, 20, 42, 500])
+@pytest.mark.parametrize("tau_ms", [2, 10, 20, 42, 500])
 @pytest.mark.parametrize("sign", [-1, 1])
 def test_the_board_brakes_to_the_millivolt_whatever_the_arm_does(tau_ms: int, sign: int):
     """Jumps, pauses, way there and back; its speed is filtered over 16 ms, a jump cut at 100."""
@@ -574,6 +574,22 @@ def test_stall_is_2_volts_for_300_ms_and_no_more_than_7_counts(phase, volts, mov
         told.append(bench.has(wire.BY_STALL))
     assert told[-1] == stalls
     assert not stalls or told.index(True) == 301  # a tick until it counts, one that begins
+
+
+@pytest.mark.parametrize(("counts_per_rev", "moves"), [(3668, 7), (3667, 6), (64, 2)])
+def test_a_motion_is_twelve_thousandths_of_a_radian_and_more_than_two_counts(
+    counts_per_rev: int, moves: int
+):
+    for more, stalls in ((0, True), (1, False)):
+        bench = Bench(armed=False)
+        bench.request = replace(bench.request, counts_per_rev=counts_per_rev)
+        bench.configure()
+        bench.send(Arm(bench.token, bench.sequence))
+        for k in range(320):
+            bench.command(2.0)
+            bench.counts = ((moves + more) * (k % 2), 0)
+            bench.run(1)
+        assert bench.has(wire.BY_STALL) == stalls
 
 
 def test_volts_that_turn_are_no_stall():
