@@ -132,7 +132,8 @@ class Loop:
         self._steps = [step for step in course.operator if self._operator.is_person]
         self._placed_since: float | None = None
         self._held_since: float | None = None
-        self._pushing, self._slow_s = False, 0.0
+        self._pushing, self._slow_s, q = False, 0.0, self._q
+        self._stops = self._braking = Braking(q["delay"], q["time_constant"], q["top_speed"])
         if "place" in self._steps:
             self.state["phase"] = PLACE
 
@@ -198,7 +199,7 @@ class Loop:
         """What is applied of what is commanded; where ticks come late, volts last longer."""
         age_s, q = self._monitor_state.late_s, self._q
         self._slow_s = lateness(self._slow_s, age_s, self._limits.period_s)
-        stops = self._stops()
+        self._stops = stops = delayed(self._braking, self._slow_s)
         for a, theta in enumerate(reading.theta_rad):
             rate, free = (self.state["estimate"][name][a] for name in ("rate", "free_rate"))
             last, bounds = self._applied[a], (q["voltage_limit"], q["angle_limit"], q["slew"])
@@ -207,11 +208,6 @@ class Loop:
             else:
                 now = limit(self._commanded[a], theta, rate, last, *bounds, stops, age_s, free)
             self._applied[a] = now
-
-    def _stops(self) -> Braking:
-        """How its arms stop, by the ticks as they come."""
-        q = self._q
-        return delayed(Braking(q["delay"], q["time_constant"], q["top_speed"]), self._slow_s)
 
     def _note(
         self, reading: Reading, row: np.ndarray, target: np.ndarray, push: tuple[float, float]
@@ -299,7 +295,7 @@ class Loop:
         """Whether one of the arms might pass its angle limit at 0 V: it coasts by tau w from the
         speed w. One that is beyond what the monitor allows is at its stop.
         """
-        far_s = self._stops().delay_s + 2.0 * self._q["time_constant"]
+        far_s = self._stops.delay_s + 2.0 * self._q["time_constant"]
         theta = np.abs([seen.theta_rad[a] for a in arms])
         estimate = self.state["estimate"]
         rates = np.maximum(np.abs(estimate["rate"]), np.abs(estimate["free_rate"]))
