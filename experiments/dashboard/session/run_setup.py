@@ -13,6 +13,7 @@ from experiments.records.run_folder import new_run_folder, write_truth
 from experiments.runs.hardware_run import Ready, check, ready
 from experiments.runs.protocol import course
 from experiments.runs.runner import RunRequest, start_record, truth_record
+from rig.files import file_bytes
 from rig.parameters import Rig
 from rig.shared_memory import SharedArray
 
@@ -79,11 +80,13 @@ class RealRunSetup:
 
     def __init__(self, rig_file: Path, out: Path, camera: RealCamera | None = None) -> None:
         self._file, self._runs, self._camera = rig_file, out / "runs", camera
+        self._content = file_bytes(rig_file)
 
     def check(self, plan: RunPlan, rig: Rig) -> None:
         """Raise what keeps the table from running the plan: ValueError or OSError for no port, no
-        homing, a camera in use, a protocol beyond the limits.
+        homing, a camera in use, a protocol beyond the limits, a rig file that was changed.
         """
+        self._check_file()
         check(rig, self._file, plan.protocol)
         course(plan.protocol, rig, plan.seed)
         if self._camera is not None:
@@ -96,10 +99,20 @@ class RealRunSetup:
     @contextmanager
     def ready(self, planned: PlannedRun, rig: Rig) -> Iterator[Ready]:
         """Give the run, ready to start and not yet armed, for as long as the context lasts; the
-        camera is lent to it until then. ValueError, OSError: table or camera cannot be used.
+        camera is lent to it until then. ValueError, OSError: table or camera cannot be used, or
+        the rig file was changed.
         """
+        self._check_file()
         request = RunRequest(rig, planned.plan.protocol, planned.method, planned.seed, self._runs)
         lend = self._camera.lend() if self._camera else nullcontext(lambda eye: None)
         with lend as show_through, ready(request, self._file) as run:
             show_through(run.eye)
             yield run
+
+    def _check_file(self) -> None:
+        """ValueError: the page would drive the table by what the rig file no longer says."""
+        if file_bytes(self._file) != self._content:
+            raise ValueError(
+                f"{self._file} was changed since this page was started, which knows only what it "
+                "was: start rig dashboard again"
+            )
