@@ -33,9 +33,7 @@ def test_a_rig_file_that_was_changed_behind_the_page_starts_no_run(tmp_path: Pat
     rig, plan = read_rig(file), shipped_plan("circle", "with play compensation", 1)
     setup = RealRunSetup(file, tmp_path)
     file.write_text(file.read_text() + "[servo]\nvoltage_limit_V = 2.0\n")
-    with pytest.raises(
-        ValueError, match="changed since .* start rig dashboard again"
-    ):
+    with pytest.raises(ValueError, match=r"changed since .* start rig dashboard again"):
         setup.check(plan, rig)
     (planned,) = planned_runs(plan)
     with pytest.raises(ValueError, match="was changed"), setup.ready(planned, rig):
