@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from experiments.records.run_folder import replace_json
-from rig.files import json_of
+from rig.files import json_of, put_aside
 
 LONGEST_NAME = 40  # characters; chosen: what a list shows
 MOST_KEPT = 100  # chosen
@@ -21,22 +21,28 @@ def preset_name(value: object) -> str:
 class KeptPresets(Mapping[str, Sequence[float]]):
     """Name -> values, kept in the JSON file `path`; count: how many values a preset has.
 
-    What the file holds that is no such preset is left out; a file that cannot be read is empty.
-    Before a change it is read anew: another program may have changed it.
+    What the file holds that is no such preset is left out; a file that cannot be read is empty, and
+    kept as NAME.1, NAME.2 ... at the next change. Before that it is read anew: another program may
+    have changed it.
     """
 
     def __init__(self, path: Path, count: int) -> None:
         self._path, self._count = path, count
         self._kept = self._read()
 
-    def _read(self) -> dict[str, list[float]]:
+    def _content(self) -> dict[str, object] | None:
+        """What is in the file; None: it cannot be read."""
         try:
-            found = dict(json_of(self._path))
-        except (OSError, ValueError, TypeError):
+            return dict(json_of(self._path))
+        except FileNotFoundError:
             return {}
+        except (OSError, ValueError, TypeError):
+            return None
+
+    def _read(self) -> dict[str, list[float]]:
         return {
-            name: [float(value) for value in values]
-            for name, values in found.items()
+            name: [float(value) for value in values]  # pyright: ignore[reportGeneralTypeIssues]
+            for name, values in (self._content() or {}).items()
             if _is_preset(name, values, self._count)
         }
 
@@ -62,6 +68,8 @@ class KeptPresets(Mapping[str, Sequence[float]]):
         self._write({one: values for one, values in self._read().items() if one != name})
 
     def _write(self, kept: dict[str, list[float]]) -> None:
+        if self._content() is None:
+            put_aside(self._path)
         replace_json(self._path, kept)
         self._kept = kept
 

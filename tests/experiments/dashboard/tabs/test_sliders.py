@@ -231,3 +231,16 @@ def test_two_programs_with_one_file_lose_nobodys_presets(tmp_path: Path):
     assert dict(KeptPresets(file, 2)) == dict(other) == {"mine": [1.0, 2.0], "yours": [3.0, 4.0]}
     one.forget("mine")
     assert list(one) == list(KeptPresets(file, 2)) == ["yours"]
+
+
+def test_a_file_that_cannot_be_read_is_kept_beside_the_new_one(tmp_path):
+    """Half a file, or one of another version: it was written over."""
+    path = tmp_path / "gains.json"
+    path.write_text('{"mine": [1.0, 2')
+    kept = KeptPresets(path, 3)
+    assert not list(kept)
+    kept.keep("new", (1.0, 2.0, 3.0))
+    assert (tmp_path / "gains.json.1").read_text() == '{"mine": [1.0, 2'
+    assert list(KeptPresets(path, 3)) == ["new"]
+    kept.keep("next", (1.0, 2.0, 3.0))
+    assert not (tmp_path / "gains.json.2").exists()
