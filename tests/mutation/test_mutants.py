@@ -20,7 +20,7 @@ from tests.mutation import suites
 from tests.mutation.mutate import survivors
 from tests.rig.hardware.network import test_client_watchdog as test_served
 from tests.rig.hardware.network import test_remote_wire, test_seat
-from tests.rig.safety import test_levelling, test_motion_watch
+from tests.rig.safety import test_follow_watch, test_levelling, test_motion_watch
 from tests.rig.safety import test_monitor as test_guard
 from tests.support import ROOT, limiter_laws
 
@@ -100,6 +100,12 @@ FILES = {
         "rig/safety/motion_watch.py",
         test_motion_watch,
         40,
+        lambda name: "healthy" not in name,  # a search
+    ),
+    "following": Guarded(
+        "rig/safety/follow_watch.py",
+        test_follow_watch,
+        15,
         lambda name: "healthy" not in name,  # a search
     ),
     "watchdog": Guarded(

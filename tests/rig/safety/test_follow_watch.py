@@ -1,6 +1,6 @@
 """A servo that is told elsewhere and stays: named in time, and no healthy one ever is."""
 
-from dataclasses import replace
+from dataclasses import FrozenInstanceError, replace
 from math import nan, pi, sin
 
 import pytest
@@ -76,7 +76,12 @@ def test_one_step_by_hand():
     assert watch_following(one, 0.3, 0.511, 4.0) is one
     assert watch_following(one, 0.24, 0.505, 4.0) == FollowWatch(0.1, 0.5, 4.0)
     assert watch_following(one, -0.06, 0.5, 4.0) is one
-    assert FollowWatch() == FollowWatch(0.0, 0.0, 0.0)
+    level = FollowWatch()
+    assert level == FollowWatch(0.0, 0.0, 0.0)
+    assert watch_following(level, 0.3, 0.012, 4.0) == FollowWatch(0.3, 0.012, 4.0)
+    assert watch_following(level, 0.15, 0.0, 4.0) == FollowWatch(0.0, 0.0, 4.0)
+    with pytest.raises(FrozenInstanceError):
+        level.since_s = 1.0  # pyright: ignore[reportAttributeAccessIssue]
     slow = replace(SERVO, x={"lag_s": 0.2}, y={"dead_time_s": 0.1})
     assert patience_s(slow) == pytest.approx(0.3 + 0.2 + 0.1)
     assert 2 * pi / SERVO.encoder_counts_per_rev < 0.012

@@ -14,6 +14,7 @@ from experiments.runs.protocol import read_protocol
 from experiments.runs.runner import RunRequest, simulate_runs
 from rig.log import INDEX, Log
 from rig.parameters import ANGLE_MARGIN_RAD, Rig, Servo
+from rig.safety.follow_watch import FollowWatch
 from rig.safety.monitor import (
     Fault,
     MonitorLimits,
@@ -294,6 +295,26 @@ def test_one_push_is_followed_step_by_step():
     assert watch_stall(StallWatch(1.0, 0.0, 1.0), exact, 3.0, 0.25, 1.1) == StallWatch(
         1.0, 0.25, 1.1
     )
+
+
+# --- servos that take an angle ---
+@pytest.mark.parametrize("axis", [0, 1])
+def test_a_servo_that_stays_where_it_is_told_elsewhere_is_named_in_time(axis: int):
+    servo = Servo(kind="position", angle_measured=True)
+    limits = replace(MonitorLimits.of_servo(servo, 0.25), follow_s=0.25)
+    state, fault = check(MonitorState(), limits, Reading(0.0, (0.0, 0.0)), (0, 0), balancing=False)
+    told = (0.3, 0.0) if axis == 0 else (0.0, 0.3)
+    for t_s in (0.25, 0.5):
+        assert fault is None
+        state, fault = check(state, limits, Reading(t_s, (0.0, 0.0)), told, balancing=False)
+    assert fault is not None
+    assert (fault.name, fault.level, fault.axis) == ("stall", False, axis)
+    assert fault.reason.startswith(f"servo {'xy'[axis]} stays at 0.00 rad, told elsewhere: is it")
+    still = MonitorState()
+    for k in range(20):  # of motors that take volts this says nothing
+        volts = Reading(TICK * k, (0.0, 0.0))
+        still, fault = check(still, LIMITS, volts, told, balancing=False)
+        assert (fault, still.follows) == (None, (FollowWatch(), FollowWatch()))
 
 
 # --- arms that stand still under weak volts ---
