@@ -23,8 +23,13 @@ from experiments.analysis.samples import (
 from experiments.analysis.statistics import WithinRun, within_run_interval
 from rig.log import Log, shown_angles
 
-NEAR_M, FAR_M = 0.002, 0.03
+NEAR_M, FAR_M, WIDER = 0.002, 0.03, 1.2
 GAP_S = 0.25  # a ball unseen for longer was not there
+SETTLING_TOLD = (
+    "A ball has settled when it stays as near to its target as in the last third of the run "
+    f"(within {WIDER:g} times the largest distance there, at least {1e3 * NEAR_M:g} mm); one that "
+    "is pushed, when it first stays within 2 cm for 1 s."
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,10 +170,10 @@ def settled_interval(
 def final_settling_time(ball: Samples) -> float:
     """First time [s] from which the ball stays as near to its target as in the run's last third.
 
-    As near means within 1.2 times the largest distance in the last third, or within 2 mm if that is
-    more. A fixed band would call the transient settled wherever the limit cycle is small. NaN where
-    the last third ends over 3 cm away, still comes closer (its first half is over 1.5 times as wide
-    as its second), or was not seen throughout.
+    As near means within WIDER times the largest distance in the last third, or within NEAR_M if
+    that is more. A fixed band would call the transient settled wherever the limit cycle is small.
+    NaN where the last third ends over 3 cm away, still comes closer (its first half is over 1.5
+    times as wide as its second), or was not seen throughout.
     """
     if not len(ball.t_s) or ball.until_s[-1] <= 0:
         return nan
@@ -177,7 +182,7 @@ def final_settling_time(ball: Samples) -> float:
     early, late = tail[: (len(tail) + 1) // 2], tail[len(tail) // 2 :]
     if tail.max() > FAR_M or early.max() > 1.5 * max(late.max(), NEAR_M):
         return nan
-    stretches = _stretches(ball, ball.off_m <= max(1.2 * tail.max(), NEAR_M))
+    stretches = _stretches(ball, ball.off_m <= max(WIDER * tail.max(), NEAR_M))
     if not stretches or stretches[-1][1] != len(ball.t_s) - 1:
         return nan
     begin = max(float(ball.t_s[stretches[-1][0]]), 0.0)
