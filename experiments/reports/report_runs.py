@@ -68,11 +68,11 @@ def _readable(
             continue
         outcome = str(run.meta.get("outcome"))
         if not len(run_part(run.log)):
-            why = "all of its rows are lost" if outcome in _WHOLE else f"outcome {outcome}"
+            why = "all of its rows are lost" if outcome in _WHOLE else _how(run.meta)
             notes.append(f"{run.folder.name} has nothing to show: {why}.")
             continue
         if outcome not in _WHOLE or run.meta["truncated"]:
-            why = f"outcome {outcome}" if outcome not in _WHOLE else "its recording was cut off"
+            why = _how(run.meta) if outcome not in _WHOLE else "its recording was cut off"
             part = "its numbers are those of a part"
             notes.append(f"{run.folder.name} did not run to its end ({why}): {part}.")
         if lost := lost_words(run.meta):
@@ -141,6 +141,11 @@ def report_runs(folders: Sequence[Path], out: Path, *, progress: ProgressCall = 
             ),
         ],
     )
+
+
+def _how(meta: dict) -> str:
+    """How a run ended, and why."""
+    return ": ".join(filter(None, (f"outcome {meta.get('outcome')}", meta.get("reason"))))
 
 
 def _in_order(runs: list[Recorded], metas: list[dict]) -> tuple[list[Recorded], list[dict]]:

@@ -35,7 +35,7 @@ class RunSummary:
     or where the target moves; by_hand: what somebody did to it ("12.3 s: push to the left, 0.15
     m/s"); servo_only: there was no ball; named: whether its label tells its folder's name, since
     another run has the same protocol, controller and time; table: number of the table that it was
-    made on, 0 for that of the newest run.
+    made on, 0 for that of the newest run; reason: why it ended as it did.
     """
 
     folder: Path
@@ -48,6 +48,7 @@ class RunSummary:
     servo_only: bool = False
     named: bool = False
     table: int = 0
+    reason: str = ""
 
     @property
     def when(self) -> str:
@@ -72,10 +73,11 @@ class RunSummary:
 
     @property
     def how(self) -> str:
-        """How the run ended, and whether somebody disturbed it, for a person."""
+        """How the run ended, why, and whether somebody disturbed it, for a person."""
         if self.outcome == UNFINISHED:
             return "cut off: Recover"
-        return self.outcome + (", disturbed by hand" if self.by_hand else "")
+        why = f": {self.reason}" if self.reason else ""
+        return self.outcome + why + (", disturbed by hand" if self.by_hand else "")
 
 
 def list_runs(parent: Path, most: int = MOST_LISTED) -> list[RunSummary]:
@@ -105,8 +107,9 @@ def list_runs(parent: Path, most: int = MOST_LISTED) -> list[RunSummary]:
             outcome = "rejected"
         by_hand = meta.get("by_hand")
         by_hand = tuple(map(str, by_hand[:MOST_LISTED])) if isinstance(by_hand, list) else ()
-        name, method, outcome = (
-            str(words)[:LONGEST_WORDS] for words in (name, meta.get("arm"), outcome)
+        reason = meta.get("rejected") or meta.get("reason") or ""
+        name, method, outcome, reason = (
+            str(words)[:LONGEST_WORDS] for words in (name, meta.get("arm"), outcome, reason)
         )
         servo_only = bool(protocol_of(meta).get("servo_only"))
         rows.append(
@@ -118,6 +121,7 @@ def list_runs(parent: Path, most: int = MOST_LISTED) -> list[RunSummary]:
                 outcome,
                 by_hand=by_hand,
                 servo_only=servo_only,
+                reason=reason,
             )
         )
         made.append(of_table(entries(folder, meta)))

@@ -56,3 +56,12 @@ def test_methods_are_compared_on_one_table_alone(tmp_path: Path, masses_kg: tupl
     assert ("hold, with, seed 1, table 2" in page) != one_table
     words = "Not compared, since made otherwise: 1 of 2 runs; ball.mass_kg (0.003, 0.006)."
     assert (words in page) != one_table
+
+
+def test_a_part_of_a_run_is_noted_with_the_reason_why_it_ended(tmp_path: Path):
+    run = recorded(tmp_path, 0.01)
+    meta = json.loads((run / "run.json").read_text())
+    ended = {"outcome": "aborted", "reason": "stopped by page 2"}
+    (run / "run.json").write_text(json.dumps(meta | ended))
+    page = report_runs([run], tmp_path).read_text(encoding="utf-8")
+    assert "did not run to its end (outcome aborted: stopped by page 2)" in page
