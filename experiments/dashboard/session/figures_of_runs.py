@@ -49,17 +49,17 @@ class Completed:
         servo = figures.servo_over_time(a.log, b.log)
         for figure in (over_time, servo):
             figures.mark_times(figure, [*self.marks[a.folder], *self.marks[b.folder]], "by hand")
-        where = "where the ball was, without (blue) and with (red) play compensation"
+        where = "the ball in the newest run without (blue) and with (red) play compensation"
         drawn = [
             (place, "fig10", self._caption(10, where)),
-            (over_time, "ball-time", self._caption(7, "ball over time")),
-            (servo, "fig11", self._caption(11, "servo angles")),
+            (over_time, "ball-time", self._caption(7, "the same ball over time")),
+            (servo, "fig11", self._caption(11, "the same runs' servo angles")),
         ]
         n = RUNS_OF_FIG14
         if min(len(self.without), len(self.with_)) >= n and centres:
             without, with_ = ([one.log for one in runs[:n]] for runs in (self.without, self.with_))
             eight = figures.eight_runs(without, with_)
-            drawn.append((eight, "fig14", self._caption(14, "eight runs")))
+            drawn.append((eight, "fig14", self._caption(14, f"the newest {n} runs of each")))
         return drawn
 
     def _of_one(self) -> list[Drawn]:

@@ -136,14 +136,16 @@ def list_runs(parent: Path, most: int = MOST_LISTED) -> list[RunSummary]:
 class DrawnFigures:
     """Figures of runs, the runs with their centroids, and both methods compared.
 
-    sentence, table: of `experiments.analysis.comparison`, of the runs that count; left_out:
-    sentences on runs that do not; unread: what is wrong with each that cannot be read.
+    sentence, table: of `experiments.analysis.comparison`, of the runs that count; counts: how many
+    those are, without and with play compensation; left_out: sentences on runs that do not; unread:
+    what is wrong with each that cannot be read.
     """
 
     pictures: list[CaptionedPicture]
     rows: list[RunSummary]
     sentence: str = ""
     table: list[list[str]] = field(default_factory=list)
+    counts: tuple[int, int] = (0, 0)
     left_out: tuple[str, ...] = ()
     unread: tuple[str, ...] = ()
 
@@ -201,7 +203,8 @@ def draw_figures(
     table = comparison_rows(*both) if any(both) else []
     alone = all(row.servo_only for row in counted)
     sentence = SERVOS_ALONE if alone else comparison_sentence(*both)
-    return DrawnFigures(pictures, counted, sentence, table, tuple(left_out), tuple(unread))
+    counts = len(both[0]), len(both[1])
+    return DrawnFigures(pictures, counted, sentence, table, counts, tuple(left_out), tuple(unread))
 
 
 def by_hand_s(stored: "Run") -> list[float]:

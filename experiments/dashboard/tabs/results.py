@@ -41,6 +41,12 @@ MEANS = (
 )
 
 
+def old_words(protocol: str, count: int) -> str:
+    """That figures of the newest `count` runs of a protocol are still to come, as Markdown."""
+    runs = f"the newest {count} runs" if count > 1 else "the one run"
+    return f"**What is below was drawn before.** New figures come, of {runs} of {plain(protocol)}."
+
+
 def others_words(shown: str, rows: list[RunSummary]) -> str:
     """Markdown on the protocols of `rows` whose figures are not shown; "" where there is none."""
     with_ball = dict.fromkeys(row.protocol for row in rows if not row.servo_only)
@@ -79,6 +85,10 @@ def card(figures: DrawnFigures) -> str:
     said = figures.sentence or "to compare, run it with and without play compensation."
     of = "".join(f"{plain(row.protocol)}: " for row in figures.rows[:1])
     lines = [f"{of}**{measured(said)}**"]
+    if any(figures.counts):
+        without, with_ = figures.counts
+        which = f"the newest {len(figures.rows)} runs" if len(figures.rows) > 1 else "the one run"
+        lines += ["", f"Counted of {which}: {without} without, {with_} with play compensation."]
     says = [row for row in figures.table if row[1] != row[2] or row[3]]
     if says:
         lines += ["", *("| " + " | ".join(row) + " |" for row in (HEAD, ("---",) * len(HEAD)))]
@@ -136,13 +146,13 @@ class ResultsTab:
             disturbed, "disturbed", flag, lambda value: self.figures(disturbed=value)
         )
         self._others: Any = gui.add_markdown("")
+        self._words: Any = gui.add_markdown("")
         self._card: Any = gui.add_markdown("")
         report = gui.add_button("Download the report")
         controls.button(report, "report", self.report, everybody=True)
         controls.needs(lambda page: self._shown(), self._picked, disturbed, report)
         controls.needs(lambda page: worker.check_free("report"), report)
         controls.needs(lambda page: self._check_read(), report)
-        self._words: Any = gui.add_markdown("")
         self._gallery = Gallery(server, "Figures")
         self._table: Any = gui.add_markdown("")
         self._recover: Any = gui.add_button("Recover what was cut off", visible=False)
@@ -151,7 +161,7 @@ class ResultsTab:
         self._rows: list[RunSummary] = []
         self._centroids: dict[str, tuple[float, float]] = {}
         self._live_words, self.compared, self.started = "", False, ""
-        self._does, self._elapsed = "", Elapsed()
+        self._does, self._old, self._elapsed = "", "", Elapsed()
         self.refresh()  # runs of an earlier program are shown again
 
     def _clean(self, value: Any) -> str:
@@ -232,7 +242,8 @@ class ResultsTab:
         name, rows = self._shown(protocol)
         count = self._disturbed.now if disturbed is None else disturbed
         task = partial(draw_figures, rows, self._out / "figures" / file_name(name), count)
-        self._put("figures", task, self._drawn, instead=True)  # of fewer runs
+        old = old_words(name, len(rows)) if self._card.content else ""
+        self._put("figures", task, self._drawn, instead=True, old=old)  # of fewer runs
 
     def report(self, page: int | None) -> None:
         """Have the worker write the report of the newest runs of the chosen protocol, then let the
@@ -244,14 +255,20 @@ class ResultsTab:
         self._put("report", task, lambda path: self._send(page, path, name))
 
     def _put(
-        self, name: str, task: Any, done: Callable[[Any], None], *, instead: bool = False
+        self,
+        name: str,
+        task: Any,
+        done: Callable[[Any], None],
+        *,
+        instead: bool = False,
+        old: str = "",
     ) -> None:
         def on_message(kind: str, what: Any) -> None:
             self._controls.queue.put(name, partial(self._on_message, name, done, kind, what))
 
-        self._does = f"{name}: being made"
+        self._does, self._old = f"{name}: being made", old
         self._elapsed.begin()
-        self._words.content = f"*{self._does}*"
+        self._write()
         self._worker.put(WorkItem(name, task, on_message), instead=instead)
 
     def _on_message(self, name: str, done: Callable[[Any], None], kind: str, what: Any) -> None:
@@ -265,7 +282,7 @@ class ResultsTab:
             done(what)
 
     def _write(self) -> None:
-        self._words.content = f"*{self._does}* ({self._elapsed.seconds} s)"
+        self._words.content = f"{self._old} *{self._does}* ({self._elapsed.seconds} s)".strip()
 
     def _drawn(self, figures: DrawnFigures) -> None:
         for row in figures.rows:

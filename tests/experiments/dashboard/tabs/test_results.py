@@ -1,11 +1,15 @@
 """What the tab Results says of the runs behind its numbers."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 
-from experiments.dashboard.session.tasks import DrawnFigures, list_runs
-from experiments.dashboard.tabs.results import card, table
+from experiments.dashboard.server.controls import Controls
+from experiments.dashboard.server.server import open_server
+from experiments.dashboard.session.live import LiveBuffer
+from experiments.dashboard.session.tasks import DrawnFigures, RunSummary, list_runs
+from experiments.dashboard.tabs.results import ResultsTab, card, table
 from experiments.records.recording import write_run
 from rig.log import Log
 
@@ -23,3 +27,31 @@ def test_a_run_that_did_not_end_as_planned_is_listed_with_the_reason(tmp_path: P
     rows = list_runs(tmp_path)
     assert [row.how for row in rows] == ["aborted: stopped by page 2"]
     assert "stopped by page 2" in table(rows, {})
+
+
+def test_it_says_which_runs_count():
+    rows = [RunSummary(Path("a"), "hold", "with", 1, "completed")] * 8
+    said = card(DrawnFigures([], rows, "The ball stays nearer.", counts=(4, 3)))
+    assert "Counted of the newest 8 runs: 4 without, 3 with play compensation." in said
+
+
+def test_while_new_figures_are_drawn_the_old_ones_are_called_so(tmp_path: Path):
+    server, _ = open_server("127.0.0.1", 0, "a-token-of-some-length-for-tests")
+    controls = Controls(lambda *what: None, print)
+    worker = SimpleNamespace(put=lambda item, instead: None, check_free=lambda name: None)
+    tab = ResultsTab(server, controls, worker, tmp_path, LiveBuffer(500.0), lambda page, path: None)  # pyright: ignore[reportArgumentType]
+    log = Log.from_columns({"t_s": np.arange(5) / 200})
+    start = {"source": "simulated", "arm": "with", "seed": 1, "protocol": {"name": "hold"}}
+    said = []
+    for day in (1, 2):
+        write_run(tmp_path / f"runs/2026010{day}T000000-hold-with", start, log, [], "completed")
+        tab.refresh()
+        tab._on_message("figures", tab._drawn, "progress", ("drawing", 0, 1))
+        said.append(tab._words.content)
+        tab._on_message("figures", tab._drawn, "done", DrawnFigures([], tab.rows, "Nearer."))
+        said.append(tab._words.content)
+    controls.queue.close()
+    server.stop()
+    assert "drawn before" not in said[0]  # there was nothing
+    assert "What is below was drawn before.** New figures come, of the newest 2 runs" in said[2]
+    assert said[1] == said[3] == ""
