@@ -193,9 +193,13 @@
         }
     }
   }, LAID_OUT_MS);
+  // An arrow is a command's: viser's 3-D view, which listens above the commands, would turn, too.
+  root.addEventListener("keydown", (event) => {
+    if (event.key.startsWith("Arrow")) event.stopPropagation();
+  });
   // A tab or a button that was clicked keeps no key: arrows would turn the tabs, Space press again.
   addEventListener("click", (event) => {
-    if (event.detail > 0) event.target.closest?.("button")?.blur();
+    if (event.detail > 0) event.target.closest?.("button, [role=tab]")?.blur();
   });
   // On a phone the table stands above viser's sheet, which folds.
   const sheet = () => document.querySelector('.mantine-Paper-root[style*="position: fixed"]');

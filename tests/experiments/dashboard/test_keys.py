@@ -1,0 +1,31 @@
+"""The page's keys in a real browser, whatever was clicked before."""
+
+import numpy as np
+import pytest
+
+from tests.support.shell_alone import opened
+from tests.support.waiting import wait_for
+
+
+@pytest.mark.slow
+def test_an_arrow_is_a_commands_after_a_click_on_a_tab_and_turns_no_view(chromium, program):
+    gui, pressed = program.server.gui, []
+    panel = gui.add_panel()
+    for name in ("Curves", "Swing"):
+        with panel.add_tab(name):
+            gui.add_markdown(f"what is in {name}")
+    panel.dock_left()
+    gui.add_command("A frame on", hotkey="arrowright").on_trigger(pressed.append)
+    page = opened(chromium, program)
+    page.get_by_text("what stays").wait_for(timeout=120e3)
+    (client,) = program.server.get_clients().values()
+    looks = np.array(client.camera.wxyz)
+    for count, name in enumerate(("Swing", "Curves"), 1):
+        page.get_by_role("tab", name=name, exact=True).click()
+        page.get_by_text(f"what is in {name}").wait_for()
+        page.keyboard.press("ArrowRight", delay=300)
+        wait_for("the command", lambda n=count: len(pressed) == n, 10.0)
+    page.wait_for_timeout(500)
+    assert np.allclose(client.camera.wxyz, looks)
+    assert page.get_by_text("what is in Curves").is_visible()  # the tabs were not turned either
+    page.context.close()
