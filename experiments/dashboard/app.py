@@ -251,7 +251,7 @@ class App:
 
     def _aim(self, event: Any) -> None:
         if event.client_id in self.films:
-            raise ValueError("this page shows a film: go back to the live table first")
+            raise ValueError("this page shows a replay: go back to the live table first")
         point = plate_point(np.array(event.ray_origin), np.array(event.ray_direction))
         if point is not None:
             self.run_tab.aim((float(point[0]), float(point[1])))

@@ -141,7 +141,7 @@ def render_video(
     from rig.rigfile import from_dict
 
     if meta.get("source") != "simulated":
-        raise ValueError("nobody filmed this run: there is no video of it")
+        raise ValueError("there is no video of this run: no camera's pictures were kept")
     if motion.end_s > LONGEST_S:
         raise ValueError(
             f"by its times the run lasts {motion.end_s:.3g} s: no video is rendered of more than "

@@ -18,7 +18,7 @@ NO_EMERGENCY = (
     "power."
 )
 FILM = (
-    "● **A film is shown on this page**. The live table goes on: STOP and the bar at the top are "
+    "● **A replay is shown on this page**. The live table goes on: STOP and the bar at the top are "
     "of that; the tab Replay leads back to it."
 )
 SILENT_S, BLIND_S = 1.0, 0.25

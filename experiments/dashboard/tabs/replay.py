@@ -1,4 +1,8 @@
-"""The tab Replay: any recorded run again, scrubbed and at any speed, with its video."""
+"""The tab Replay: any recorded run again, scrubbed and at any speed, with its video.
+
+What a page shows in place of the live table is called a replay there, and a film here; a video is
+what a camera saw.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -24,7 +28,8 @@ STEP_S = 0.1  # of the slider; the keys step a frame of FRAME_S
 FRAME_S = 1 / 60
 FILM_S = Range(0.0, 1e6, STEP_S)  # the clock keeps within its own film
 WHAT = (
-    "Choose a run and press **Show**: this page alone leaves the live table for it. Keys: "
+    "Choose a run and press **Show**: this page alone shows its replay in place of the live table, "
+    "and what its camera saw, its video, in the panel Camera. Keys: "
     "**Space** plays, **left** and **right** go a frame (0.02 s)."
 )
 BOTH = "the run of the same protocol and seed with the other controller beside it"
@@ -194,7 +199,7 @@ class ReplayTab:
             viewer.about = plain(what)
         elif kind == "done":
             self._need(page).video = Video(what)
-            viewer.about = "What the camera saw is shown left, in the panel Camera."
+            viewer.about = "The video, what the camera saw, is shown left, in the panel Camera."
 
     def on_playback(self, page: int, playback: Playback | None) -> None:
         """Take note of the film that a page is shown from now on, None for the live table: a run

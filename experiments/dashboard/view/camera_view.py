@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 _BALL = INDEX["ball_x_m"]
 CAMERA_WORDS = "What the table's camera sees, and what the tracker makes of it."
-NO_FILM = "A film without a camera's pictures is shown."
+NO_FILM = "This replay has no video."
 NO_VIDEO = "This run's video is not there yet: the tab Replay says how far it is."
 RESTS = "The camera is off while the table rests."
 NO_CAMERA_WORDS = (

@@ -34,7 +34,7 @@ def legend(what: str) -> str:
 
 
 WAIT = "*Waiting for the first data.*"
-FILM = "*This film has no curves.*"
+FILM = "*This replay has no curves.*"
 LINE_S = 1e-3  # half width of a line's foot; chosen: less than a pixel
 _CM, _DEG = 100.0, degrees(1)
 

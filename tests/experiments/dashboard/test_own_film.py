@@ -14,7 +14,7 @@ from tests.support.in_browser.page import Hand, expect
 from tests.support.in_browser.program import PATIENCE_S, Program, pixels, sees_table
 from tests.support.waiting import wait_for
 
-FILM = "A film is shown on this page"
+FILM = "A replay is shown on this page"
 
 
 CORNER: Any = {"x": 470, "y": 262, "width": 60, "height": 60}  # [px] of a page; a ball in CORNER_M
@@ -55,7 +55,7 @@ def test_a_watchers_film_leaves_the_live_table_to_the_others(
         watcher.press("Show")
         watcher.see(FILM)
         watcher.see("the run's video")  # below the newest frame
-        watcher.see("What the camera saw is shown left")
+        watcher.see("what the camera saw, is shown left")
         expect(holder.page.get_by_text("the run's video")).to_be_hidden()
         wait_for("the film", lambda: ball_in_corner(watcher), PATIENCE_S)
         watcher.see("Replay of")
