@@ -176,6 +176,7 @@ class Portrait:
         self._servo, self._drawn_s = servo, 0.0
         self._of, self._rows = "", np.empty((0, len(INDEX)))
         self._before: tuple[str, np.ndarray] | None = None  # the last run, and what it was
+        self._last = ""  # its pictures
         self._html: Any = server.gui.add_html(_boxed(WAIT))
 
     @property
@@ -185,20 +186,23 @@ class Portrait:
 
     def draw(self, rows: np.ndarray, of: str, beside: tuple[str, np.ndarray] | None = None) -> None:
         """Show rows (n, len(COLUMNS)) of the log, at most every EVERY_S; of: what was recorded. A
-        run (`run_of`) stays as a grey shadow under what follows it, or `beside` is that shadow:
-        what it is, and its rows.
+        run (`run_of`) stays as a grey shadow under what follows it, and until the next one above it
+        as it was; or `beside` is that shadow: what it is, and its rows.
         """
         now_s = time.monotonic()
         if of != self._of:
             if run_of(self._of) and len(self._rows) > 2:
                 self._before = self._of, newest(self._rows)
+                name = f"<p><b>The last run</b>: {escape(self._of)}</p>"
+                self._last = f"{name}{pictures(self._rows, self._servo)}<hr>"
             self._of = of
         self._rows = rows
         if now_s - self._drawn_s >= EVERY_S:
             self._drawn_s = now_s
             name, shadow = beside or self._before or ("", None)
             head = f"<p>{escape(of)}</p>" + (f"<p>Grey: {escape(name)}</p>" if name else "")
-            self._html.content = _boxed(head + pictures(rows, self._servo, shadow))
+            last = "" if beside or run_of(of) else self._last
+            self._html.content = _boxed(last + head + pictures(rows, self._servo, shadow))
 
 
 def _boxed(inside: str) -> str:

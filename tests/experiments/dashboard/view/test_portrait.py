@@ -110,6 +110,24 @@ def test_the_last_run_stays_grey_in_the_same_axes(monkeypatch):
     assert "Grey: hold, with<" in html.content
 
 
+def test_the_last_run_is_seen_as_it_was_until_the_next_one(monkeypatch):
+    monkeypatch.setattr("experiments.dashboard.view.portrait.EVERY_S", 0.0)
+    portrait = Portrait(SimpleNamespace(gui=Gui()), SERVO)  # pyright: ignore[reportArgumentType]
+    (html,) = portrait.handles
+    ring, still = swinging(), swinging(ball_x_m=0.03, ball_y_m=0.0)
+    portrait.draw(still, "balancing, without")
+    portrait.draw(ring, "hold, with")
+    assert "The last run" not in html.content
+    for _ in range(2):  # it goes on balancing
+        portrait.draw(still, "balancing, without")
+        head, _, rest = html.content.partition("<hr>")
+        assert "<b>The last run</b>: hold, with<" in head
+        assert pictures(ring, SERVO) in head
+        assert "balancing, without" in rest
+    portrait.draw(still, "hold, without")
+    assert "The last run" not in html.content
+
+
 def test_the_run_beside_a_replay_is_its_shadow():
     portrait = Portrait(SimpleNamespace(gui=Gui()), SERVO)  # pyright: ignore[reportArgumentType]
     portrait.draw(swinging(), "the run with", ("the run without", swinging()))
