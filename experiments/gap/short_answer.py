@@ -5,7 +5,13 @@ from collections.abc import Collection, Sequence
 from calibration.gap.decision_rule import DOUBTED_PROBABILITY
 from calibration.gap.findings import Findings
 from calibration.gap.report.units import effect_words, sig
-from experiments.gap.words import NO_EXPERIMENT, are_rivals, channel_words, percent
+from experiments.gap.words import (
+    NO_EXPERIMENT,
+    are_rivals,
+    channel_words,
+    closed_loop_words,
+    percent,
+)
 from experiments.runs.protocol import read_protocol
 
 # Chosen: steps of the ball tell most effects of plate and ball apart, squares on the servos alone
@@ -66,6 +72,7 @@ def details(found: Findings) -> list[str]:
             f"The extended model predicts the ball 1 s ahead to {sig(ahead['after'], 2)} mm "
             f"instead of {sig(ahead['before'], 2)}{best}."
         )
+    lines += filter(None, [closed_loop_words(found.closed_loop)])
     if found.untestable:
         names = ", ".join(effect_words(one.name) for one in found.untestable[:4])
         more = len(found.untestable) - 4

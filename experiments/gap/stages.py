@@ -11,6 +11,7 @@ from experiments.gap.words import (
     NO_EXPERIMENT,
     are_rivals,
     channel_words,
+    closed_loop_words,
     closed_share,
     floors,
     percent,
@@ -176,6 +177,7 @@ def prove_stage(found: Findings, folder: Path) -> Section:
             "or, of a file, those that its commands tell: does the model now behave like the table?"
         )
         blocks.append(Table(head, rows, caption, words=2))
+        blocks += filter(None, [closed_loop_words(found.closed_loop)])
     question = (
         "Fitted on one part of the data, does the named effect close the gap on the other? (The "
         "name was looked for in all of it, the numbers were not.) The error 1 s ahead decides: one "

@@ -70,6 +70,19 @@ def farther_note(rows: Sequence[ClosedLoopRow]) -> tuple[str, ...]:
     return (f"{words}: {'; '.join(parts)} after",)
 
 
+def closed_loop_words(rows: Sequence[ClosedLoopRow]) -> str:
+    """A sentence on what the extended model does better and worse in closed loop; "" without any
+    number that both models have."""
+    told = [r for r in rows if r.nearer]
+    if not told:
+        return ""
+    better, worse = ([r.quantity for r in told if r.nearer == how] for how in ("nearer", "farther"))
+    return (
+        f"In closed loop the extended model is nearer to the recording than the one before in "
+        f"{len(better)} of {len(told)} numbers, farther in {', '.join(worse) or 'none'}."
+    )
+
+
 def smallest_words(
     effect: str, smallest: dict[str, float], known: Mapping[str, Effect] = BY_NAME
 ) -> str:
@@ -124,10 +137,13 @@ def recalibration(key: str, interval: Interval, rig: Rig | None) -> tuple[float 
 
 
 def closed_share(before: float, after: float) -> str:
-    """Share of a gap that is closed, (before - after)/(before - 1), in percent.
+    """Share of a gap that is closed, (before - after)/(before - 1), in percent, or by how much it
+    grew.
 
     before, after: gaps in noise floors; "no gap to close" below 1.05 or where one is not finite.
     """
+    if after - before >= 0.05:
+        return f"grew by {after - before:.2f}"
     if not (isfinite(before) and isfinite(after)) or before < 1.05:
         return "no gap to close"
     return f"{100 * (before - after) / (before - 1):.0f} %"

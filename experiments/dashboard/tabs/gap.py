@@ -22,6 +22,7 @@ from experiments.dashboard.tabs.gallery import Gallery
 from experiments.dashboard.view.elapsed import Elapsed
 from experiments.gap.beside import HEAD
 from experiments.gap.short_answer import WANTED, advice, missing_protocols
+from experiments.gap.words import spoken
 
 if TYPE_CHECKING:
     from viser import ViserServer
@@ -279,7 +280,7 @@ class GapTab:
             self._on, begin, self._until = BEGINS.get(stage, (self._on, now, self._until))
             self._stages.content = stage_lines(self._on, False)
             self._bar.value = max(now, begin + (self._until - begin) * k / max(n, 1))
-            words = plain(words.replace("_", " "))
+            words = plain(spoken(words))
             self._does = ": ".join(filter(None, (DOES.get(stage, plain(stage)), words)))
         elif kind == "failed":
             self._does = ""

@@ -32,6 +32,7 @@ from experiments.gap.report import NOISES, write_gap_report
 from experiments.gap.summary import summary_lines
 from experiments.gap.words import (
     added_toml,
+    closed_loop_words,
     closed_share,
     farther_note,
     floors,
@@ -304,6 +305,7 @@ def test_numbers_for_people():
     assert [floors(g) for g in (1.0, 41.26, 412.3, None)] == ["1.00", "41.3", "412", "-"]
     assert closed_share(1.04, 1.0) == "no gap to close"
     assert closed_share(3.0, 1.1) == "95 %"
+    assert closed_share(1.0, 1.21) == "grew by 0.21"
 
 
 @given(value=st.floats(-1e3, 1e3), half=st.floats(1e-6, 1e3))
@@ -343,6 +345,10 @@ def test_a_model_that_is_farther_in_closed_loop_is_told_in_a_note():
         "in closed loop the extended model is farther from the recording than the one before: "
         "spread 7.9 mm recorded, 7.24 before, 5.53 after",
     )
+    nearer = "nearer to the recording than the one before in 1 of {} numbers, farther in {}."
+    assert nearer.format(2, "spread") in closed_loop_words((worse, better))
+    assert nearer.format(1, "none") in closed_loop_words((better,))
+    assert closed_loop_words(()) == ""
 
 
 def test_names_are_spoken_and_what_stands_in_a_file_is_not():
