@@ -5,8 +5,17 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+from matplotlib.text import Text
 
-from experiments.reports.figures import ARMS, eight_runs, play_map, save
+from experiments.reports.figures import (
+    ARMS,
+    ball_over_time,
+    eight_runs,
+    play_map,
+    pushed_scatter,
+    save,
+    servo_over_time,
+)
 from rig.log import Log
 
 
@@ -41,6 +50,18 @@ def test_the_eight_runs_are_named_as_the_paper_does_and_say_which_controller():
     ]
     assert set(ARMS.values()) <= set(words)
     assert not any("$" in word for word in words)
+
+
+def test_letters_are_read_at_half_a_sheets_width():
+    t = np.arange(60) / 60
+    log = Log.from_columns({"t_s": t, "ball_x_m": 0 * t, "ball_y_m": 0 * t, "phase": 2 + 0 * t})
+    figures = ball_over_time(log, log), servo_over_time(log, log), pushed_scatter(log, None, "with")
+    for figure, most_mm in zip(figures, (48, 48, 90), strict=True):  # heights of style.css
+        width_in, height_in = figure.get_size_inches()
+        shrunk = min(91 / width_in, most_mm / height_in) / 25.4
+        sizes = [one.get_fontsize() for one in figure.findobj(Text) if one.get_text()]
+        plt.close(figure)
+        assert min(sizes) * shrunk > 5.9  # points
 
 
 def test_a_map_of_angles_is_in_degrees_with_as_many_digits_as_the_verdict_needs():
