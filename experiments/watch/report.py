@@ -57,7 +57,8 @@ def write_watch(found: Watch, out: Path, *, command: str) -> Path:
                                 picture,
                                 "Each run's estimate with its 95 % interval from that run alone. "
                                 "Green: accepted runs and their mean; red: from the run on in "
-                                "which a change begins. Healthy tables vary by more than the "
+                                "which a change begins; dashed: what the rig file says, if it "
+                                "lies in the picture. Healthy tables vary by more than the "
                                 "intervals; the statistic knows by how much.",
                             )
                         ],
@@ -149,7 +150,13 @@ def history(found: Watch) -> Figure:
             )
         if np.isfinite(mean := factor * _accepted(found, j)):
             axis.axhline(mean, color=CENTRE, lw=0.9)
-        axis.set_title(f"{parameter_words(parameter)}{f' [{unit}]' if unit else ''}", fontsize=9)
+        known, limits = factor * parameter.nominal, axis.get_ylim()
+        axis.axhline(known, color="0.35", lw=0.9, ls="--")
+        axis.set_ylim(limits)  # a change is seen, however far the rig file is off
+        axis.set_title(
+            f"{parameter_words(parameter)}{f' [{unit}]' if unit else ''}, rig file {sig(known)}",
+            fontsize=9,
+        )
     for axis in axes.flat[p:]:
         axis.set_visible(False)
     for axis in axes[-1]:

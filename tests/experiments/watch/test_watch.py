@@ -5,13 +5,17 @@ import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from unittest.mock import Mock
 
+import matplotlib.pyplot as plt
+import numpy as np
 import pytest
 
+from calibration.gap.model.parameters import Parameter
 from calibration.gap.report.units import sig
 from experiments.runs.runs import reject
-from experiments.watch.report import _skipped_words
+from experiments.watch.report import _skipped_words, history
 from experiments.watch.runs import RunFolder, accepted_of, other_protocol, runs_of
 from experiments.watch.watch import ACCEPTED, SKIPPED, JudgedRun, Watch, _not_compared
 from experiments.watch.words import run_words
@@ -169,6 +173,22 @@ def test_the_page_names_what_was_skipped_and_why():
     assert said.startswith("Skipped: run-1 (ball lost), run-2")
     assert said.endswith("run-6 (ball lost), and 2 more (table).")
     assert _skipped_words(Mock(runs=judged[:1])) == []
+
+
+def test_the_history_shows_what_the_rig_file_says():
+    play = Parameter("joint_backlash", "play_rad", "x", 0.01, 0.005, 0.0, 0.1, 0.001)
+    values = np.array([[0.02], [0.021]])
+    found = SimpleNamespace(
+        parameters=(play,), runs=(SimpleNamespace(state=ACCEPTED),), changes=(),
+        values=values, stds=0.001 * np.ones((2, 1)),
+    )  # fmt: skip
+    figure = history(found)  # pyright: ignore[reportArgumentType]
+    axis = figure.axes[0]
+    assert axis.get_title() == "joint play x [deg], rig file 0.573"
+    heights = np.concatenate([np.asarray(line.get_ydata(), float) for line in axis.lines])
+    assert np.isclose(heights, np.degrees(0.01)).any()
+    assert axis.get_ylim()[0] > 0.6  # the runs set the scale
+    plt.close(figure)
 
 
 def test_lost_rows_are_told_and_odd_names_break_no_line(runs: Path, tmp_path: Path):
