@@ -146,7 +146,10 @@ HALO = 1.15  # the model's ball is so much larger: a halo where both are at one 
 
 
 def _line(xy_m: np.ndarray) -> np.ndarray:
-    """Segments (m, 2, 3) of a line on the plate through xy_m (n, 2); a point of fewer than two."""
+    """Segments (m, 2, 3) of a line on the plate through those of xy_m (n, 2) that are known; a
+    point of fewer than two.
+    """
+    xy_m = xy_m[np.isfinite(xy_m).all(axis=1)]  # a browser knows no size of a line with NaN
     if len(xy_m) < 2:
         return np.zeros((1, 2, 3), np.float32)
     points = np.column_stack([xy_m, np.full(len(xy_m), 0.0012)]).astype(np.float32)

@@ -26,6 +26,9 @@ def test_the_models_distance_says_what_noise_makes_and_each_ball_has_its_trail()
         assert scene.gap_label.text == "model 11.0 mm off (noise alone: 6)"
         scene.draw_trails({"with": np.zeros((3, 2)), "without": np.ones((5, 2))})
         assert [len(scene.trails[name].points) for name in ("with", "without")] == [2, 4]
+        unseen = np.array([[np.nan, np.nan], [0.0, 0.0], [0.01, 0.0]])  # before it was seen first
+        scene.draw_trail(unseen, None)
+        assert np.isfinite(scene.trail.points).all()
         scene.draw_trails({})
         assert [len(trail.points) for trail in scene.trails.values()] == [1, 1]
     finally:
