@@ -192,17 +192,22 @@ class Portrait:
         now_s = time.monotonic()
         if of != self._of:
             if run_of(self._of) and len(self._rows) > 2:
+                name, shadow = self._before or ("", None)
+                head = f"<p><b>The last run</b>: {escape(self._of)}</p>" + _grey(name)
+                self._last = f"{head}{pictures(self._rows, self._servo, shadow)}<hr>"
                 self._before = self._of, newest(self._rows)
-                name = f"<p><b>The last run</b>: {escape(self._of)}</p>"
-                self._last = f"{name}{pictures(self._rows, self._servo)}<hr>"
             self._of = of
         self._rows = rows
         if now_s - self._drawn_s >= EVERY_S:
             self._drawn_s = now_s
             name, shadow = beside or self._before or ("", None)
-            head = f"<p>{escape(of)}</p>" + (f"<p>Grey: {escape(name)}</p>" if name else "")
+            head = f"<p>{escape(of)}</p>" + _grey(name)
             last = "" if beside or run_of(of) else self._last
             self._html.content = _boxed(last + head + pictures(rows, self._servo, shadow))
+
+
+def _grey(name: str) -> str:
+    return f"<p>Grey: {escape(name)}</p>" if name else ""
 
 
 def _boxed(inside: str) -> str:
