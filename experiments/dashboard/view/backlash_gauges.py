@@ -70,8 +70,8 @@ class BacklashGauge:
                 free.visible, touched.visible = touches != side, touches == side
         self._touches = touches
         found = f"found {degrees(found_rad):.1f}°" if found_rad > 0.0 else "nothing found yet"
-        true = f"true {degrees(play_rad):.1f}°, " if self.told else ""
-        text = f"{self._words}: {true}{found}"
+        true = f"\ntrue {degrees(play_rad):.1f}°, " if self.told else " "  # a line is cut sooner
+        text = f"{self._words}:{true}{found}"
         if self._label.text != text:
             self._label.text = text
 
