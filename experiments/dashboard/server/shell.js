@@ -41,7 +41,7 @@
   const words = make("span", "rig-state", "Connecting ...");
   words.setAttribute("role", "status");
   const again = make("button", "rig-again", "Reload");
-  const view = make("button", "rig-view", inView ? "All controls" : "Big view");
+  const view = make("button", "rig-view", inView ? "All controls" : "Big view ↗");
   view.title = inView ? "The whole dashboard, in this tab."
     : "Plate, numbers and curves for a projector or a phone, in a tab of its own.";
   view.onclick = () => inView ? location.assign(`${here}/`) : open(`${here}/view`, "_blank", "noopener");

@@ -252,7 +252,7 @@ def test_the_big_view_shows_table_curves_and_camera_and_stops(chromium, program,
     page = chromium.new_context(viewport={"width": width, "height": height}).new_page()
     page.goto(program.link)
     with page.expect_popup() as coming:
-        page.get_by_role("button", name="Big view").click()
+        page.get_by_role("button", name="Big view ↗").click()
     view = coming.value
     view.set_viewport_size({"width": width, "height": height})
     view.get_by_text("7 of 16").wait_for()
