@@ -22,7 +22,7 @@ EVENT = {"stroke": "#adb5bd", "width": 1.2, "dash": (3, 3)}
 LIVE, STOPPED = "The last 20 s", "<b>Stopped</b>: the last 20 s before"
 REPLAYED = "Replay of {} (upright lines: thick the time shown, dashed events)"
 TEXT = "padding: 0 1.2em 0 0.6em; font-size: 0.85em"
-NUMBER = "text-align: right; padding-left: 0.8em"
+NUMBER = "text-align: right; padding-left: 0.5em"
 
 
 def legend(what: str) -> str:
@@ -34,6 +34,7 @@ def legend(what: str) -> str:
 
 
 WAIT = "*Waiting for the first data.*"
+TIMES: dict[str, Any] = {"size": 32, "space": 60, "label": "time [s]", "labelSize": 20}  # an axis
 FILM = "*This replay has no curves.*"
 LINE_S = 1e-3  # half width of a line's foot; chosen: less than a pixel
 _CM, _DEG = 100.0, degrees(1)
@@ -127,23 +128,26 @@ def with_lines(
     return (times, *(curve[before] for curve in data[1:]), *lines)
 
 
-def values_at(charts: Sequence[Chart], rows: np.ndarray, at_s: float, of: str = "") -> str:
-    """What the full curves of log rows (n, len(COLUMNS)) are at at_s [s], as a table (HTML); of:
-    which run they are of.
+def values_at(charts: Sequence[Chart], runs: Sequence[tuple[str, np.ndarray]], at_s: float) -> str:
+    """What the full curves of runs are at at_s [s], as a table (HTML), side by side; runs: which
+    run, where there are more, and its log rows (n, len(COLUMNS)).
     """
-    past = rows[rows[:, 0] <= at_s]
     axes = "".join(f'<td style="{NUMBER}">{axis}</td>' for axis in "xy")
-    lines = [f"<tr><th></th>{axes}</tr>"]
+    names = "".join(f'<td colspan="2" style="{NUMBER}">{escape(of)}</td>' for of, _ in runs)
+    lines = [f"<tr><th></th>{names}</tr>"] if len(runs) > 1 else []
+    lines += [f"<tr><th></th>{axes * len(runs)}</tr>"]
     for chart in charts:
         line = f"<td>{chart.title}</td>"
-        for name, _, colour, factor, dashed in chart.curves:
-            if not dashed:
-                last = factor * held(past[:, INDEX[name]], np.nan)[-1:]
-                said = f"{last[0]:+.2f}" if np.isfinite(last).all() and len(last) else ""
-                line += f'<td style="color: {colour}; {NUMBER}">{said}</td>'
+        for _, rows in runs:
+            past = rows[rows[:, 0] <= at_s]
+            for name, _, colour, factor, dashed in chart.curves:
+                if not dashed:
+                    last = factor * held(past[:, INDEX[name]], np.nan)[-1:]
+                    said = f"{last[0]:+.2f}" if np.isfinite(last).all() and len(last) else ""
+                    line += f'<td style="color: {colour}; {NUMBER}">{said}</td>'
         lines.append(f"<tr>{line}</tr>")
     table = f'<table style="line-height: 1.25">{"".join(lines)}</table>'
-    return f'<div style="{TEXT}"><b>At {at_s:.2f} s</b>{escape(of)}{table}</div>'
+    return f'<div style="{TEXT}"><b>At {at_s:.2f} s</b>{table}</div>'
 
 
 class Curves:
@@ -162,7 +166,7 @@ class Curves:
         height: int = 84,
     ) -> None:
         self._charts = charts_of(servo)
-        self._replays, self._of = bool(replayed), f", {replayed}"
+        self._replays, self._of = bool(replayed), replayed
         self._what = REPLAYED.format(escape(replayed)) if replayed else LIVE
         self._legend: Any = server.gui.add_html(legend(self._what))
         self._values: Any = server.gui.add_html("", visible=self._replays)
@@ -190,9 +194,9 @@ class Curves:
                     tuple(series),
                     title=chart.title + chart.note,
                     scales=scales,
-                    axes=({"show": last, "size": 32, "space": 60}, {"size": 48, "space": 15}),
+                    axes=({"show": last, **TIMES}, {"size": 48, "space": 15}),
                     legend={"show": False},
-                    height=height + (30 if last else 0),
+                    height=height + (50 if last else 0),
                     padding=(10, 22, 0 if last else 6, 0),
                     visible=False,
                 )
@@ -221,9 +225,15 @@ class Curves:
                 plot.visible = now
         self._shown = shown
 
-    def draw(self, rows: np.ndarray, at_s: float = 0.0, events_s: Sequence[float] = ()) -> None:
-        """Show rows (n, len(COLUMNS)) of the log; of a replay the values at at_s [s], and lines
-        there and at the events.
+    def draw(
+        self,
+        rows: np.ndarray,
+        at_s: float = 0.0,
+        events_s: Sequence[float] = (),
+        beside: tuple[str, np.ndarray] | None = None,
+    ) -> None:
+        """Show rows (n, len(COLUMNS)) of the log; of a replay the values at at_s [s], those of the
+        run `beside` (which, and its rows), too, and lines there and at the events.
         """
         self.rest("")
         self._show([has_data(chart, rows) for chart in self._charts[:-1]] + [True])
@@ -232,4 +242,5 @@ class Curves:
                 data = chart_data(chart, rows)
                 plot.data = with_lines(data, at_s, events_s) if self._replays else data
         if self._replays:
-            self._values.content = values_at(self._charts, rows, at_s, self._of)
+            runs = [(self._of, rows), *([beside] if beside else [])]
+            self._values.content = values_at(self._charts, runs, at_s)

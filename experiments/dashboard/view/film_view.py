@@ -117,11 +117,11 @@ class FilmView:
         if film is None or rows is None or past is None:
             self._curves.rest(FILM)
         else:
-            self._curves.draw(rows, t_s, [at_s for at_s, _ in film.events])
             shadow = playback.past_beside()
             other = None
             if shadow is not None and len(shadow) > 2:
                 other = film.beside_of, newest(shadow)
+            self._curves.draw(rows, t_s, [at_s for at_s, _ in film.events], other)
             self._portrait.draw(past, film.of, other)
         video = playback.video
         if video is None:

@@ -163,12 +163,14 @@ def test_a_films_values_are_those_of_its_time_and_blank_where_nothing_is_known()
     rows[:, 0] = np.arange(200) / 10
     rows[::10, INDEX["ball_x_m"]] = rows[::10, 0] / 100
     rows[:, INDEX["theta_y_rad"]] = radians(2.0)
-    said = values_at(CHARTS, rows, 5.05)
+    said = values_at(CHARTS, [("a run", rows)], 5.05)
     assert "At 5.05 s" in said
     assert "+5.00" in said  # cm, as it was seen last
     assert "+2.00" in said
     assert "dashed" not in said  # numbers have no lines
     assert said.count("></td>") == 8  # five charts of two values, two of which are known
+    both = values_at(CHARTS, [("a run", rows), ("another", rows - 0.01)], 5.05)
+    assert both.index("a run") < both.index("another") < both.index("+5.00") < both.index("+4.00")
     assert [has_data(chart, rows) for chart in CHARTS] == [True, True, False, False, False]
 
 
