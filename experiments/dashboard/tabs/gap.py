@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from functools import partial
+from math import ceil
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -48,6 +49,7 @@ BEGINS = {
 # Part of what is left of a stage that the bar goes on by in a second: a stage tells little of how
 # far it is; chosen, as naming takes a minute or two.
 CREEP = 0.015
+EARLY_S = 30.0  # so long nothing is foretold; chosen
 # ... and in words for whoever watches.
 DOES = {
     "baseline": "fitting the model as the rig file has it",
@@ -82,6 +84,14 @@ def stage_lines(on: int, done: bool) -> str:
         mark = "✓" if done or i < on else "▶" if busy else "·"
         lines.append(f"{mark} **{i + 1} {name}**: {question}")
     return "  \n".join(lines)
+
+
+def left_words(elapsed_s: float, share: float) -> str:
+    """About how long an analysis still takes of which `share` (0 to 1) took elapsed_s [s]."""
+    if elapsed_s < EARLY_S or share <= 0.0:
+        return "some minutes for every run"
+    minutes = ceil(elapsed_s * (1.0 / share - 1.0) / 60.0)
+    return f"about {minutes} min left" if minutes > 1 else "less than a minute left"
 
 
 def good_runs(rows: Sequence[RunSummary]) -> list[Path]:
@@ -300,8 +310,9 @@ class GapTab:
         if self._does and self._elapsed.changed():
             self._bar.value += CREEP * max(self._until - self._bar.value, 0.0)
             table = f"\n\n{OWN_TABLE}" if self._demo else ""
-            took = f"{self._elapsed.seconds} s so far; some minutes for every run"
-            self._words.content = f"*{self._does}* ({took}){table}"
+            elapsed_s, first = self._elapsed.seconds, BEGINS["baseline"][1] * (not self._demo)
+            left = left_words(elapsed_s, (self._bar.value - first) / (100 - first))
+            self._words.content = f"*{self._does}* ({elapsed_s} s so far; {left}){table}"
 
     def _end(self, answer: GapAnswer) -> None:
         self.answer, self._does = answer, ""

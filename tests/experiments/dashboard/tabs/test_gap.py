@@ -18,7 +18,7 @@ from experiments.dashboard.session.gap_tasks import (
 )
 from experiments.dashboard.session.tasks import RunSummary, list_runs
 from experiments.dashboard.session.worker_process import WorkItem
-from experiments.dashboard.tabs.gap import GapTab, beside_list, good_runs
+from experiments.dashboard.tabs.gap import GapTab, beside_list, good_runs, left_words
 from experiments.records.recording import write_run
 from rig.log import Log
 from tests.support.greyed import why
@@ -226,3 +226,9 @@ def test_what_is_found_stands_in_place_of_what_can_be_asked(gap):
     assert seen(*asks) == {True}
     assert seen(*answers, tab._again) == {False}
     assert len(worker.items) == 1
+
+
+def test_how_long_an_analysis_still_takes_is_told_once_it_is_known():
+    assert left_words(10.0, 0.5) == left_words(60.0, 0.0) == "some minutes for every run"
+    assert left_words(60.0, 0.25) == "about 3 min left"
+    assert left_words(200.0, 0.9) == "less than a minute left"
