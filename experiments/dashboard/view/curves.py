@@ -34,7 +34,8 @@ def legend(what: str) -> str:
 
 
 WAIT = "*Waiting for the first data.*"
-TIMES: dict[str, Any] = {"size": 32, "space": 60, "label": "time [s]", "labelSize": 20}  # an axis
+TIMES: Any = {"size": 32, "space": 60, "label": "time [s]", "labelSize": 20}  # axes of a chart
+VALUES: Any = {"size": 48, "space": 15}
 FILM = "*This replay has no curves.*"
 LINE_S = 1e-3  # half width of a line's foot; chosen: less than a pixel
 _CM, _DEG = 100.0, degrees(1)
@@ -194,7 +195,7 @@ class Curves:
                     tuple(series),
                     title=chart.title + chart.note,
                     scales=scales,
-                    axes=({"show": last, **TIMES}, {"size": 48, "space": 15}),
+                    axes=(TIMES | {"show": last}, VALUES),
                     legend={"show": False},
                     height=height + (50 if last else 0),
                     padding=(10, 22, 0 if last else 6, 0),

@@ -7,7 +7,7 @@ import numpy as np
 from experiments.analysis.samples import held
 from experiments.dashboard.session.live import POINTS
 from experiments.dashboard.session.playback import RunFilm
-from experiments.dashboard.view.curves import CURSOR, EVENT, TIMES, with_lines
+from experiments.dashboard.view.curves import CURSOR, EVENT, TIMES, VALUES, with_lines
 from experiments.dashboard.view.scene import ARMS
 from experiments.gap.closed_loop_replay import TableMotion
 
@@ -60,7 +60,7 @@ class DistanceChart:
                 "y": {"range": scale_cm(times_s, *curves)},
                 "line": {"range": (0.1, 0.9)},
             },
-            axes=(TIMES, {"size": 48, "space": 15}),
+            axes=(TIMES, VALUES),
             legend={"show": False},
             height=160,
             padding=(10, 22, 0, 0),
