@@ -5,7 +5,7 @@ from math import isfinite, nan
 from pathlib import Path
 
 from calibration.gap.findings import UNITS, Findings
-from calibration.gap.report.units import shown_unit, sig
+from calibration.gap.report.units import effect_words, shown_unit, sig
 from experiments.gap import figures
 from experiments.gap.words import (
     NO_EXPERIMENT,
@@ -116,7 +116,7 @@ def name_stage(found: Findings, folder: Path) -> Section:
     for effect in found.effects:
         if effect.twins:
             blocks.append(
-                f"{effect.name} has structural twins: {', '.join(effect.twins)}. Any of them "
+                f"{effect.name} has structural twins: {_words(effect.twins)}. Any of them "
                 "makes the same data; look at the hardware to tell."
             )
     if found.verdict == "undecided" and found.effects:
@@ -142,6 +142,10 @@ def name_stage(found: Findings, folder: Path) -> Section:
         blocks.append(Table(head, rows, caption, words=3))
     question = "Which physical effect makes those errors? Every effect of the catalogue is tried."
     return stage("Name", question, blocks, "This stage did not run.")
+
+
+def _words(names: Sequence[str]) -> str:
+    return ", ".join(map(effect_words, names))
 
 
 def prove_stage(found: Findings, folder: Path) -> Section:
