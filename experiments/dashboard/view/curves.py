@@ -164,7 +164,7 @@ class Curves:
         server: "ViserServer | ClientHandle",
         servo: Servo,
         replayed: str = "",
-        height: int = 84,
+        height: int = 80,
     ) -> None:
         self._charts = charts_of(servo)
         self._replays, self._of = bool(replayed), replayed
