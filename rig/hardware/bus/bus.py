@@ -264,19 +264,21 @@ class BusTable(ServoTable, LevelOnExit):
         self._tell_goals([min(max(angle, told - step), told + step) for angle, told in ways])
 
     def close(self) -> None:
-        """Leave the servos holding level, to which they go slowly, or where they are, which a
-        blocked one is not pushed on from, where level is not known; and let the bus go.
+        """Leave the servos holding level, to which they go slowly, and let the bus go; where level
+        is not known they hold where they are, and a blocked one is not pushed on.
         """
         if self._closed:
             return
         self._closed = True
         with suppress(OSError):  # it is gone: what the servos do then, they do by themselves
             if self._armed:
-                self._tell_watchdog(on=False)
-                units = [round(START_RAD_S / setup.speed_rad_s) for setup in self._setups]
-                self._write(self._vendor.speed, [self._vendor.speed_data(unit) for unit in units])
+                units = (round(START_RAD_S / setup.speed_rad_s) for setup in self._setups)
+                slow = [self._vendor.speed_data(unit) for unit in units]
                 level = (0.0,) * len(self._ids)
-                self._tell_goals(level if self._homed else self.turned_rad)
+                for _ in range(SET_TRIES):  # nobody hears whether one was lost
+                    self._tell_watchdog(on=False)
+                    self._write(self._vendor.speed, slow)
+                    self._tell_goals(level if self._homed else self.turned_rad)
         self._armed = False
         self._link.close()
 
@@ -314,8 +316,6 @@ class BusTable(ServoTable, LevelOnExit):
 
     def _look(self) -> None:
         """Wait for the next tick and read the servos' angles."""
-        if self._ended is not None:
-            raise self._ended
         self._ticker.wait()
         self.turned_rad = self._wiring.angles(self._counts())
         if self._armed and self._clock() - self._health_s >= HEALTH_S:

@@ -512,3 +512,23 @@ def test_a_tick_that_is_too_short_for_the_bus_is_refused(vendor, baud, rate_hz, 
         return check_period(vendor, 2, baud, 1 / rate_hz)
     with pytest.raises(ValueError, match=rf"table.baud = {baud}: 2 {vendor.name} servos need"):
         check_period(vendor, 2, baud, 1 / rate_hz)
+
+
+@EVERY
+def test_a_lost_packet_at_the_end_leaves_no_arm_tilted(bench, kind: str):
+    """After an alarm the way to level was told once, and by nobody again."""
+    one = bench(kind)
+    write, heard = one.board.write, count()
+
+    def given_up() -> None:
+        with one.open() as table:
+            ticks(table, 100, (0.3, 0.3))
+            one.board.servos[2].alarm = 32
+            one.board.write = lambda *told: write(*told) if next(heard) >= 6 else None
+            ticks(table, 100, (0.3, 0.3))
+
+    with pytest.raises(ServoAlarm):
+        given_up()
+    one.run(3.0)
+    assert next(heard) > 6
+    assert one.board.servos[1].counts == pytest.approx(2048, abs=3)
