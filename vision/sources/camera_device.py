@@ -20,6 +20,7 @@ import cv2
 import numpy as np
 
 from vision.sources.clock import ForeignClock, own_clock, wall_minus_monotonic
+from vision.sources.live import Feed
 from vision.sources.source_errors import GarbageError, GoneError, SettingsError
 
 DEVICE = re.compile(r"^(\d+|/dev/(video\d+|v4l/.+))$")
@@ -179,8 +180,8 @@ def _say(name: str, value: float, backend: Backend) -> str:
     return f"{value:g}"
 
 
-class CameraFeed:
-    """An open camera; a `vision.sources.live.Feed`. `fps` is the rate that it claims [1/s].
+class CameraFeed(Feed):
+    """An open camera. `fps` is the rate that it claims [1/s].
 
     `address` names it in messages; `now` is the clock of arrivals [s]. `stamped_by` is "kernel"
     where the frames carry the driver's stamps, "stream" where these count from the stream's start,
@@ -196,12 +197,10 @@ class CameraFeed:
         now: Callable[[], float] = time.monotonic,
     ) -> None:
         self._device, self._backend, self._address, self._now = device, backend, address, now
-        self.duplicates = 0
         exposure_s = apply_settings(device, backend, settings, address)
         half_s = 0.5 * (exposure_s or 0.0)
         self._to_middle_s = half_s if settings.stamp == "start" else -half_s
         self._foreign = ForeignClock()
-        self.stamped_by = "arrival"
         self.fps = device.get(cv2.CAP_PROP_FPS)
 
     def read(self) -> tuple[np.ndarray, float]:
@@ -242,9 +241,6 @@ class CameraFeed:
         if not isinstance(raw, np.ndarray) or raw.ndim != 3 or raw.size == 0:
             raise GarbageError("the camera gave something that is no colour image")
         return raw
-
-    def interrupt(self) -> None:
-        """Does nothing: a driver's wait ends by its own time limit."""
 
     def close(self) -> None:
         """Free the camera."""

@@ -29,8 +29,8 @@ class Feed(Protocol):
     as `Source.stamped_by`.
     """
 
-    duplicates: int  # frames that showed the same exposure again, skipped
-    stamped_by: str  # where the last frame's time is from, such as "kernel" or "arrival"
+    duplicates: int = 0
+    stamped_by: str = "arrival"
 
     def read(self) -> tuple[Any, float] | None:
         """Wait for the next frame: what `decode` takes, and its time [s, `time.monotonic`]; None at
@@ -42,13 +42,12 @@ class Feed(Protocol):
         ...
 
     def decode(self, raw: Any) -> np.ndarray:
-        """The image (h, w, 3) uint8 BGR of what `read` gave; called by the consumer.
-        `GarbageError`: it is no image."""
-        ...
+        """The image (h, w, 3) uint8 BGR of what `read` gave, by default just that; called by the
+        consumer. `GarbageError`: it is no image."""
+        return raw
 
     def interrupt(self) -> None:
         """Make a waiting `read` return soon where that can be done; from any thread."""
-        ...
 
     def close(self) -> None:
         """Free what `read` used."""

@@ -20,6 +20,7 @@ import numpy as np
 from vision.sources.addresses import without_password
 from vision.sources.clock import ForeignClock, own_clock, wall_minus_monotonic
 from vision.sources.encoded_image import decoded
+from vision.sources.live import Feed
 from vision.sources.multipart import Multipart, Part, boundary_of
 from vision.sources.source_errors import GarbageError, GoneError, SourceError
 
@@ -84,8 +85,8 @@ class PartClock:
         return taken_s
 
 
-class HttpFeed:
-    """One connection to an MJPEG server; a `vision.sources.live.Feed`.
+class HttpFeed(Feed):
+    """One connection to an MJPEG server.
 
     `address`: http:// or https://, with user:password@ where the server asks for it; `timeout_s`:
     to connect and be answered.
@@ -94,8 +95,6 @@ class HttpFeed:
     def __init__(self, address: str, *, timeout_s: float) -> None:
         """Connect. Raises `GoneError` where nobody answers, `NotMultipartError` for other data."""
         self._address = without_password(address)
-        self.duplicates = 0
-        self.stamped_by = "arrival"
         connection, self._socket, self._response = _get(address, timeout_s)
         self._close_connection = connection.close
         try:

@@ -12,11 +12,12 @@ import numpy as np
 
 from vision.sources.addresses import without_password
 from vision.sources.camera_device import Capture, capture
+from vision.sources.live import Feed
 from vision.sources.source_errors import GoneError
 
 
-class StreamFeed:
-    """A stream read through OpenCV; a `vision.sources.live.Feed`.
+class StreamFeed(Feed):
+    """A stream read through OpenCV.
 
     `address`: rtsp://, udp:// or http://; `timeout_s`: to connect, and of every read. `fps` is the
     rate that it claims [1/s], `is_file` whether it has an end: a file on a server.
@@ -29,8 +30,6 @@ class StreamFeed:
         limits += [cv2.CAP_PROP_READ_TIMEOUT_MSEC, limit_ms]
         self._address = without_password(address)
         self._device: Capture = capture(address, cv2.CAP_FFMPEG, limits)
-        self.duplicates = 0
-        self.stamped_by = "arrival"
         if not self._device.isOpened():
             self._device.release()
             raise GoneError(
@@ -48,13 +47,6 @@ class StreamFeed:
         if not ok:
             raise GoneError(f"{self._address}: the stream ended or broke off; is it still sent?")
         return image, time.monotonic()
-
-    def decode(self, raw: np.ndarray) -> np.ndarray:
-        """The image (h, w, 3) uint8 BGR, as `read` gave it."""
-        return raw
-
-    def interrupt(self) -> None:
-        """Does nothing: a wait ends by the time limit given at the start."""
 
     def close(self) -> None:
         """End the connection."""

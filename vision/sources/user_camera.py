@@ -31,6 +31,7 @@ import cv2
 import numpy as np
 
 from vision.sources.clock import AHEAD_S
+from vision.sources.live import Feed
 from vision.sources.source_errors import UserCameraError
 
 NEAR_S = 10.0  # between a stamp and its arrival; beyond, it is of another clock
@@ -94,8 +95,8 @@ def _named(address: str, where: str, error: BaseException, file: Path) -> UserCa
     return UserCameraError(f"{address}: {where}: {type(error).__name__}: {text}{place}")
 
 
-class UserFeed:
-    """One object of a user's camera class, opened; a `vision.sources.live.Feed`.
+class UserFeed(Feed):
+    """One object of a user's camera class, opened.
 
     `file`, `name`: of the class, for messages; `make` makes the object.
     """
@@ -103,7 +104,6 @@ class UserFeed:
     def __init__(self, file: Path, name: str, make: Callable[[], Any]) -> None:
         """Make and open. Raises `UserCameraError` with file and class for whatever fails."""
         self._file, self._address = file, f"{file}:{name}"
-        self.duplicates = 0
         self.stamped_by = "camera"
         self._last_s = -math.inf
         self._camera = self._call("__init__", make)
@@ -185,9 +185,6 @@ class UserFeed:
     def decode(self, raw: np.ndarray) -> np.ndarray:
         """The image (h, w, 3) uint8 BGR; a grey one (h, w) becomes three equal channels."""
         return cv2.cvtColor(raw, cv2.COLOR_GRAY2BGR) if raw.ndim == 2 else raw
-
-    def interrupt(self) -> None:
-        """Does nothing: the user's `read` cannot be ended from outside."""
 
     def close(self) -> None:
         """Close the user's camera by its `close` or `__exit__`, if it has one. `UserCameraError`:
