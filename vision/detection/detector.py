@@ -17,6 +17,7 @@ from vision.detection.appearance import SIGNED_ABOVE, Appearance
 from vision.detection.outline import (
     BLURRED_STD,
     FLAT_STD,
+    LONG_REACH,
     Outline,
     retrace_on_consensus,
     trace_outline,
@@ -32,7 +33,6 @@ APART_PX = 0.3  # between rim and rays, from which the rays count more
 # table (tests/benchmarks/vision/locating.py).
 DOUBT = 0.5
 UNSEEN_PX = 2.0  # that the centre may be off by, per share of the turn that shows no edge
-RIM_ROUNDS = 4
 LEVELS_SHARE = 1.5  # the fit's noise with that of its levels, which neighbouring sectors share
 # Power of the first harmonic of what the rim's model lacks, over that of its third and fourth.
 LACK_SHARE = 6.0
@@ -108,7 +108,7 @@ def locate_ball(
         return None
     contrast = shared = None
     if signed and line.residual_px > max(0.2, ROUGH_SHARE * line.radius_px):
-        shared = retrace_on_consensus(image, direction, signed, line, 0.35)
+        shared = retrace_on_consensus(image, direction, signed, line)
         line = shared or line
     if not _plain(line):
         last, contrast = _refined(image, appearance, line, direction, signed)
@@ -153,7 +153,7 @@ def _fitted(image: np.ndarray, appearance: Appearance, line: Outline) -> np.ndar
         return None
     radius, flat = line.radius_px, BLURRED_STD if _plain(line) else FLAT_STD
     guess = line.u_px, line.v_px, radius
-    rim = fit_rim(image, *guess, appearance.blur_px, flat, appearance.smeared, RIM_ROUNDS)
+    rim = fit_rim(image, *guess, appearance.blur_px, flat, appearance.smeared)
     if not (math.isfinite(rim[3]) and rim[5] > 0.7 and rim[8] == 0.0):
         return None
     moved = math.hypot(rim[0] - line.u_px, rim[1] - line.v_px)
@@ -236,7 +236,9 @@ def _refined(
         u, v, radius = line.u_px, line.v_px, line.radius_px
         local, separation, contrast = appearance.here(image, u, v, radius)
         signs = separation > SIGNED_ABOVE
-        last = trace_outline(image, local, signs, u, v, radius, 0.35 if signs else UNSIGNED_REACH)
+        last = trace_outline(
+            image, local, signs, u, v, radius, LONG_REACH if signs else UNSIGNED_REACH
+        )
         if last is None or math.hypot(last.u_px - u, last.v_px - v) < 0.03 * radius:
             break
         # The colours were measured at the wrong place: once more.
@@ -245,7 +247,7 @@ def _refined(
         # Something lies in front or beside, and may have been measured as the plate.
         u, v, radius = first.u_px, first.v_px, first.radius_px
         known = trace_outline(
-            image, direction, signed, u, v, radius, 0.35 if signed else UNSIGNED_REACH
+            image, direction, signed, u, v, radius, LONG_REACH if signed else UNSIGNED_REACH
         )
         if last is None or (known is not None and known.variance_px2 < last.variance_px2):
             last = known

@@ -6,6 +6,9 @@ import numpy as np
 
 from vision.compiled import kernel
 
+ROUNDS = 8  # of a robust fit, at most
+LEAST_PX = 0.02  # scale of the residuals
+
 
 @kernel
 def solve_linear(A, b):
@@ -37,10 +40,10 @@ def solve_linear(A, b):
 
 
 @kernel
-def _scale(residual, used, floor):
+def _scale(residual, used):
     """Robust standard deviation of the residuals: 1.4826 median |r| over the used points."""
     values = np.abs(residual[used])
-    return max(floor, 1.4826 * np.median(values)) if values.size else floor
+    return max(LEAST_PX, 1.4826 * np.median(values)) if values.size else LEAST_PX
 
 
 @kernel
@@ -83,14 +86,14 @@ def _normal(polar, weight, used, scale):
 
 
 @kernel
-def fit_ellipse(points, weight, u, v, radius, scale, flat_std, rounds):
+def fit_ellipse(points, weight, u, v, radius, scale, flat_std):
     """Robust ellipse r(a) = R + x cos a + y sin a + c cos 2a + s sin 2a through points (n, 2) px.
 
     A centred ellipse (and a streak, the disc swept along a line) has even harmonics only, so the
     first harmonic is the centre's error; it is moved away and the angles are taken anew. c and s
     are held near 0 with `flat_std` (share of R), which matters when an arc is hidden. `scale` (px)
     is how far off the guess (u, v, radius) may be: Tukey's weights start there and narrow over at
-    most `rounds` rounds; `weight` (n,) multiplies them, 0 leaves a point out. Returns u, v, R (px),
+    most `ROUNDS` rounds; `weight` (n,) multiplies them, 0 leaves a point out. Returns u, v, R (px),
     variance of the centre per axis (px^2; infinite below six inliers), rms of the inliers (px),
     inlier flags (n,) and the flattening (share of R).
     """
@@ -101,9 +104,9 @@ def fit_ellipse(points, weight, u, v, radius, scale, flat_std, rounds):
     q[0] = radius
     inverse, polar = np.zeros((5, 5)), np.zeros((points.shape[0], 6))
     _measure(points, used, q, u, v, polar)
-    for _ in range(rounds):
+    for _ in range(ROUNDS):
         A, b = _normal(polar, weight, used, scale)
-        noise = max(scale, 0.02) ** 2
+        noise = max(scale, LEAST_PX) ** 2
         A[0, 0] += noise / (0.3 * radius) ** 2
         b[0] += noise / (0.3 * radius) ** 2 * radius
         A[1, 1] += 1e-9
@@ -114,7 +117,7 @@ def fit_ellipse(points, weight, u, v, radius, scale, flat_std, rounds):
         u, v = u + q[1], v + q[2]
         _measure(points, used, q, u, v, polar)
         last = scale
-        scale = max(_scale(polar[:, 5], used, 0.02), 0.25 * scale)
+        scale = max(_scale(polar[:, 5], used), 0.25 * scale)
         if scale > 0.9 * last and abs(q[1]) + abs(q[2]) < 0.01:
             break
     good = np.zeros(points.shape[0], np.bool_)

@@ -2,7 +2,7 @@
 
 Rays are cast from the guess (`rays`), an edge is taken on each, and an ellipse is fitted robustly
 (`ellipse`). Variants: an edge of something else beside the ball (`retrace_on_consensus`), and the
-outer edge of a mirroring ball (`outer_outline`).
+outer edge of a mirroring ball (`trace_outer_ring`).
 """
 
 from __future__ import annotations
@@ -20,7 +20,8 @@ from vision.detection.rays import cast_rays
 # outline in its form where a hand or a thing of its colour hides part of it; and of a sphere
 # blurred by its motion, which is believed only of a whole outline.
 FLAT_STD, BLURRED_STD = 0.03, 0.12
-ROUNDS = 8
+LONG_REACH = 0.35  # share of the radius that rays from a rough outline search to both sides
+OUTER_RAYS = 72
 # Shares of the radius: how far off the shared circle an edge may lie, how far short rays reach,
 # and the prior of the flattening of an outline of which a part is not believed.
 SLACKS, SHORT_REACH, ROUND_STD = (0.014, 0.024), 0.08, 0.01
@@ -55,27 +56,33 @@ class Outline(NamedTuple):
 
 
 @kernel
-def _best_fit(points, outer, weight, u, v, radius, inside, flat_std, blurred_std, rounds):
+def rays_of(radius):
+    """Number of rays: one every two pixels of the outline [px], a multiple of 8 from 24 to 72."""
+    return 8 * min(max(int(np.pi * radius / 8.0), 3), 9)
+
+
+@kernel
+def _best_fit(points, outer, weight, u, v, radius, inside):
     """`fit_ellipse` of a ball, of a mirroring ball, or of a blurred one, whichever holds."""
-    best = fit_ellipse(points, weight, u, v, radius, 0.15 * radius, flat_std, rounds)
+    best = fit_ellipse(points, weight, u, v, radius, 0.15 * radius, FLAT_STD)
     double = 0
     for i in range(points.shape[0]):
         apart = max(abs(outer[i, 0] - points[i, 0]), abs(outer[i, 1] - points[i, 1]))
         double += apart > 0.03 * radius
     if double > 0.2 * inside:
         # Two edges on many rays: a mirroring ball reflects the plate; its outline is the outer one.
-        rim = fit_ellipse(outer, weight, u, v, 1.1 * radius, 0.15 * radius, flat_std, rounds)
+        rim = fit_ellipse(outer, weight, u, v, 1.1 * radius, 0.15 * radius, FLAT_STD)
         if rim[5].sum() >= 0.8 * inside and rim[4] < 0.03 * radius and rim[2] > 1.03 * best[2]:
             best = rim
     if best[5].sum() < 0.9 * inside or best[4] > 0.03 * radius:
-        blurred = fit_ellipse(points, weight, u, v, radius, 0.3 * radius, blurred_std, rounds)
+        blurred = fit_ellipse(points, weight, u, v, radius, 0.3 * radius, BLURRED_STD)
         if blurred[5].sum() >= 0.9 * inside:
             best = blurred
     return best
 
 
 @kernel
-def framed_share(image, u, v, radius, per):
+def _framed(image, u, v, radius, per):
     """Share of the turn, by eighths of `per` rays, in which half the circle (px) or more lies in
     the image (h, w, 3)."""
     h, w = image.shape[0], image.shape[1]
@@ -91,15 +98,14 @@ def framed_share(image, u, v, radius, per):
 
 
 @kernel
-def trace_rays(image, u, v, radius, reach, w, n_rays, signed, flat_std, blurred_std, rounds):
+def trace_rays(image, u, v, radius, reach, w, signed):
     """Edges along rays about a guess and the ellipse through them (`cast_rays`, `fit_ellipse`).
 
     `image`, `u`, `v`, `radius`, `reach` and `signed` as in `trace_outline`; `w` (3,): colour
-    direction; `n_rays`: a multiple of 8; `flat_std` and `rounds`: as in `fit_ellipse`;
-    `blurred_std`: the `flat_std` with which a blurred ball is tried. Returns the fields of
-    `Outline` in their order, (10,), and whether an ellipse was found.
+    direction. Returns the fields of `Outline` in their order, (10,), and whether an ellipse was
+    found.
     """
-    out = np.zeros(10)
+    out, n_rays = np.zeros(10), rays_of(radius)
     points, outer, strength, inside = cast_rays(image, u, v, radius, reach, w, n_rays, signed)
     typical = np.median(strength)
     if not typical > 0.0:
@@ -108,7 +114,7 @@ def trace_rays(image, u, v, radius, reach, w, n_rays, signed, flat_std, blurred_
     for i in range(n_rays):
         weight[i] = min(max((strength[i] / typical - 0.15) / 0.35, 0.0), 1.0)
     u2, v2, radius2, variance, residual, good, flat = _best_fit(
-        points, outer, weight, u, v, radius, inside, flat_std, blurred_std, rounds
+        points, outer, weight, u, v, radius, inside
     )
     limit = (1.0 + reach) * radius
     off = np.sqrt((u2 - u) ** 2 + (v2 - v) ** 2)
@@ -135,7 +141,7 @@ def _described(image, u, v, radius, variance, residual, good, inside, flattening
     out = np.empty(10)
     out[0], out[1], out[2], out[3], out[4] = u, v, radius, variance, residual
     out[5], out[6], out[7] = good.sum(), inside, covered / 8.0
-    out[8], out[9] = framed_share(image, u, v, radius, per), flattening
+    out[8], out[9] = _framed(image, u, v, radius, per), flattening
     return out
 
 
@@ -148,15 +154,16 @@ def _beyond(points, u, v, radius, used):
 
 
 @kernel
-def trace_outer_ring(image, u, v, radius, w, n_rays, flat_std, rounds):
-    """(u, v, radius, share of the rays on it) of a mirroring ball about its inner circle (px).
+def trace_outer_ring(image, u, v, radius, w):
+    """(u, v, radius, share of the rays on it) of a mirroring ball about its inner circle (px), in
+    an image (h, w, 3) uint8 BGR along the colour direction `w` (3,).
 
     A mirroring ball shows the plate in a ring about the image of the room; the ring's outer edge is
     the ball's outline. It surrounds the inner circle, need not be concentric with it, and is weaker
     where the ball's own shadow lies. So edges of either sign are taken, and an ellipse counts on
     which rays from its own centre meet edges in most directions. Share 0: none.
     """
-    out = np.zeros(4)
+    out, n_rays = np.zeros(4), OUTER_RAYS
     u2, v2, radius2 = u, v, 1.25 * radius
     for turn in range(3):
         reach = 0.22 if turn == 0 else 0.12
@@ -169,7 +176,7 @@ def trace_outer_ring(image, u, v, radius, w, n_rays, flat_std, rounds):
         if weight.sum() < 0.5 * n_rays:
             return out
         scale = (0.08 if turn == 0 else 0.04) * radius
-        got = fit_ellipse(both, weight, u2, v2, radius2, scale, flat_std, rounds)
+        got = fit_ellipse(both, weight, u2, v2, radius2, scale, FLAT_STD)
         u2, v2, radius2 = got[0], got[1], got[2]
         off = np.sqrt((u2 - u) ** 2 + (v2 - v) ** 2)
         if not (1.08 * radius < radius2 < 1.6 * radius and off < radius2 - 0.95 * radius):
@@ -184,12 +191,6 @@ def trace_outer_ring(image, u, v, radius, w, n_rays, flat_std, rounds):
             return out
         out[0], out[1], out[2], out[3] = u2, v2, radius2, on / inside
     return out
-
-
-@kernel
-def rays_of(radius):
-    """Number of rays: one every two pixels of the outline [px], a multiple of 8 from 24 to 72."""
-    return 8 * min(max(int(np.pi * radius / 8.0), 3), 9)
 
 
 def trace_outline(
@@ -207,14 +208,13 @@ def trace_outline(
     fall outwards along it. Rays run from (1 - reach) to (1 + reach) radii. None where the fit left
     the rays' reach or rests on fewer than ten edges.
     """
-    shape = FLAT_STD, BLURRED_STD, ROUNDS
     place = float(u), float(v), float(radius)
-    values, found = trace_rays(image, *place, reach, direction, rays_of(radius), signed, *shape)
+    values, found = trace_rays(image, *place, reach, direction, signed)
     return Outline(*values.tolist()) if found else None
 
 
 def retrace_on_consensus(
-    image: np.ndarray, direction: np.ndarray, signed: bool, line: Outline, reach: float
+    image: np.ndarray, direction: np.ndarray, signed: bool, line: Outline
 ) -> Outline | None:
     """Trace a rough outline again around its majority circle; None where that is no better.
 
@@ -224,7 +224,7 @@ def retrace_on_consensus(
     on it, and under 70 % of the residual of `line`.
     """
     place = line.u_px, line.v_px, line.radius_px
-    first = cast_rays(image, *place, reach, direction, rays_of(line.radius_px), signed)[0]
+    first = cast_rays(image, *place, LONG_REACH, direction, rays_of(line.radius_px), signed)[0]
     for slack in SLACKS:
         slack_px = slack * line.radius_px
         values, found = _trace_shared(image, *place, first, direction, signed, slack_px)
@@ -260,7 +260,7 @@ def _trace_shared(image, u, v, radius, first, w, signed, slack):
     for i in range(n_rays):
         weight[i] = 1.0 if strength[i] > 0.0 else 0.0
     u, v, radius, variance, rms, good, flat = fit_ellipse(
-        points, weight, shared[0], shared[1], shared[2], slack, ROUND_STD, ROUNDS
+        points, weight, shared[0], shared[1], shared[2], slack, ROUND_STD
     )
     return _described(image, u, v, radius, variance, rms, good, seen, flat), True
 
@@ -279,19 +279,3 @@ def _longest_arc(points, circle, slack):
         for k in range(2):
             longest[k] = max(longest[k], run[k])
     return longest[0], longest[1]
-
-
-def outer_outline(
-    image: np.ndarray, direction: np.ndarray, u: float, v: float, radius: float
-) -> tuple[float, float, float, float] | None:
-    """(u, v, radius, share of the rays) of the outer edge about an inner outline (px), or None.
-
-    In an image (h, w, 3) uint8 BGR along the colour direction (3,); for mirroring balls, see
-    `trace_outer_ring`.
-    """
-    ring = trace_outer_ring(
-        image, float(u), float(v), float(radius), direction, 72, FLAT_STD, ROUNDS
-    )
-    return (
-        (float(ring[0]), float(ring[1]), float(ring[2]), float(ring[3])) if ring[3] > 0.0 else None
-    )

@@ -48,18 +48,19 @@ from vision.detection.rim_sectors import (
 )
 
 ARC_PX = 6.0  # a sector's length
+ROUNDS = 4  # Gauss-Newton steps at most
 # px of plain ball and plate beside the blur from which levels are taken; more where noise asks.
 FLAT, FLAT_MOST, FLAT_BY_NOISE = 3.0, 7.0, 40.0
 
 
 @kernel
-def fit_rim(image, u, v, radius, guess_px, flat_std, smeared, rounds):
+def fit_rim(image, u, v, radius, guess_px, flat_std, smeared):
     """Refine an outline from a guess (u, v, radius) [px] within about a pixel of it, by
     Gauss-Newton steps on the module's model; returns (15,), listed in the module's docstring.
 
     `image` (h, w, 3) uint8 BGR; `guess_px`: the first blur [px]; `flat_std`: prior standard
     deviation of the flattening (share of the radius); `smeared`: colour differences are stored
-    coarsely; `rounds`: Gauss-Newton steps at most.
+    coarsely.
     """
     out = np.zeros(15)
     out[0], out[1], out[2], out[3] = u, v, radius, np.inf
@@ -73,7 +74,7 @@ def fit_rim(image, u, v, radius, guess_px, flat_std, smeared, rounds):
     good, rows, variance = np.zeros(k, np.bool_), _harmonics(k), np.inf
     mean, colour, w = np.empty((2, k, 4)), np.empty((3, 3)), np.zeros(3)
     floor, flat, n, held, step, bend = 0.0, FLAT, 0, -1.0, 1.0, 2.0 / radius
-    for turn in range(rounds):
+    for turn in range(ROUNDS):
         far = ZONE * blur.max() + 0.4 + flat
         if far > held:
             held = far + 0.7
@@ -106,7 +107,7 @@ def fit_rim(image, u, v, radius, guess_px, flat_std, smeared, rounds):
         else:
             shift_pixels(px, n, move)
         wide = blur.mean()
-        update_blurs(shifts, rows, 2.0 * math.pi * q[0] / k, blur, most)
+        update_blurs(shifts, rows, blur, most)
         if turn > 0 and step < 0.03 and abs(blur.mean() - wide) < 0.15 * wide:
             break
     out[0], out[1], out[2], out[3], out[5], out[6] = u, v, q[0], variance, good.mean(), blur.mean()
@@ -155,6 +156,6 @@ def colour_is_smeared(image: np.ndarray, u_px: float, v_px: float, radius_px: fl
     blurs = []
     for smeared in (False, True):
         place = float(u_px), float(v_px), float(radius_px)
-        rim = fit_rim(image, *place, BLUR0, 0.03, smeared, 4)
+        rim = fit_rim(image, *place, BLUR0, 0.03, smeared)
         blurs.append(float(rim[6]) if np.isfinite(rim[3]) else 0.0)
     return blurs[1] > 0.0 and blurs[0] > 1.2 * blurs[1]

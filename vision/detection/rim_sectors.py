@@ -266,10 +266,10 @@ def ellipse_step(shifts, noise, rows, q, flat_std, good):
 
 
 @kernel
-def update_blurs(shifts, rows, arc, blur, most):
+def update_blurs(shifts, rows, blur, most):
     """Update `blur` (k,) px in place: s^2 = 2 M / (A arc), as a mean and a second harmonic.
 
-    M is the moment in `shifts`, A the contrast, `rows` (k, 5) as in `ellipse_step`, `arc` a
+    M is the moment in `shifts`, A the contrast, `rows` (k, 5) as in `ellipse_step`, arc a
     sector's length (px); 0.45 <= s <= `most`.
     """
     k = blur.size

@@ -14,7 +14,7 @@ import numpy as np
 
 from vision.detection.appearance import Appearance
 from vision.detection.detector import REACH, WHOLE, Detection, locate_ball
-from vision.detection.outline import outer_outline
+from vision.detection.outline import trace_outer_ring
 
 # Of a streak: the ball's radius in the smaller image, and the share of the radius by which light
 # from one side moves the middle between ramps that wide.
@@ -89,10 +89,10 @@ def mirror_silhouette(
     Polished balls mirror the plate in a ring about the image of the room; the ring's outer edge is
     the silhouette. None where no outer edge is consistent round most of the turn.
     """
-    ring = outer_outline(image, appearance.direction, found.u_px, found.v_px, found.radius_px)
-    if ring is None:
+    inner = float(found.u_px), float(found.v_px), float(found.radius_px)
+    u, v, radius, share = trace_outer_ring(image, *inner, appearance.direction).tolist()
+    if share == 0.0:
         return None
-    u, v, radius, share = ring
     sigma = math.hypot(found.sigma_px, RING_SHARE * radius)
     return replace(
         found,
