@@ -12,7 +12,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from vision.tracking.kinematics import PUSH_RADII_S2, START_SPEED_RADII_S
 from vision.tracking.sightings import FAINT, FLAT, Sighting, same_place
 
 # Of the image's longer side: a mark at the edge of a plate tilted by 6 degrees shifts by 1 %.
@@ -329,26 +328,12 @@ def _unlike(thing: Thing, new: list[Sighting], t_s: float) -> list[float]:
         (thing.radius_px, np.median([s.appearance.ball_bgr for s in thing.sightings], 0)),
     ]
     farthest = NEAR_RADII + SPEED_RADII_S * abs(t_s - thing.last_s)
-    ahead, sway = _ahead(thing, abs(t_s - thing.times[-1]))
     return [
         math.inf
         if last.far(s) > farthest * max(last.seen.radius_px, s.seen.radius_px)
-        or min(last.far(s), math.dist(ahead, s.place))
-        > sway * max(thing.radius_px, s.seen.radius_px)
         else min(_differ(*look, last, s) for look in looks)
         for s in new
     ]
-
-
-def _ahead(thing: Thing, gap_s: float) -> tuple[tuple[float, float], float]:
-    """Where a thing is `gap_s` after its last sighting if it keeps its speed, (u, v) px, and how
-    many radii from there, or from its last place, it may be; infinite before its speed is known."""
-    (u, v), n = thing.sightings[-1].place, len(thing.times)
-    if n < 3:
-        return (u, v), math.inf
-    (u0, v0), dt = thing.sightings[-2].place, abs(thing.times[-1] - thing.times[-2])
-    sway = NEAR_RADII + START_SPEED_RADII_S * gap_s + 0.5 * PUSH_RADII_S2 * gap_s**2
-    return (u + (u - u0) * gap_s / dt, v + (v - v0) * gap_s / dt), sway
 
 
 def _differ(radius: float, bgr: np.ndarray, last: Sighting, new: Sighting) -> float:
