@@ -34,7 +34,6 @@ AT_MOST = 6  # circles of an octave that are looked at more closely
 AGAIN = 6  # known things that are looked for in their place
 KNOWN_S = 0.05  # how long the ball that was lost has to be seen
 BRIEF_S = 0.4  # a ball that was held for less may have been a mistake
-PATIENT_S = 1.2  # from which a mover is believed without a lead
 # Where another ball was known before: a thing at rest that is unlike it, and a mover of another
 # size (other light changes a ball's colours but not its size); where one was tracked before, a
 # mover that is not clear, as a finger or an outline that leaps from mark to mark.
@@ -215,9 +214,7 @@ class Acquisition:
         if self._is_like_known(best, frame.image):
             return best if n >= 2 and lasted_s >= KNOWN_S and ahead > STANDS_OUT else None
         believed = _is_sure(best, ahead, reach, moves)
-        if moves:
-            believed = believed or lasted_s > PATIENT_S
-        else:
+        if not moves:
             believed = believed and self._may_rest(best, [thing for _, thing in others], reach)
         return best if believed and lasted_s >= self._wait_s(best, moves) else None
 
