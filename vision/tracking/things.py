@@ -76,11 +76,6 @@ class Thing:
         return float(np.median([s.seen.radius_px for s in self.sightings]))
 
     @property
-    def is_usual(self) -> bool:
-        """Whether its latest sighting has its usual size: a lock teaches size and colours."""
-        return abs(math.log(self.last.seen.radius_px / self.radius_px)) < UNLIKE_SIZE
-
-    @property
     def leapt(self) -> bool:
         """Whether it was elsewhere a look before: no ball at rest starts so fast, and what was seen
         last may be another thing, which other light shows."""
