@@ -156,6 +156,13 @@ def company(image, u, v, r_in, r_out, surround, direction):
 
 
 @kernel
+def _entry(image, i, j):
+    """Where a pixel's colour stands in the table."""
+    b, g, r = image[i, j, 0] >> 3, image[i, j, 1] >> 3, image[i, j, 2] >> 3
+    return (int(b) << 10) | (int(g) << 5) | int(r)
+
+
+@kernel
 def mean_probability(image, table, u, v, r_in, r_out):
     """Mean P(ball) (0..1) of the pixels at distances r_in <= r < r_out from (u, v); 0 where there
     are none."""
@@ -166,9 +173,8 @@ def mean_probability(image, table, u, v, r_in, r_out):
         for j in range(max(0, int(u - r_out)), min(wd, int(u + r_out) + 2), step):
             d = (i - v) ** 2 + (j - u) ** 2
             if r_in * r_in <= d < r_out * r_out:
-                b, g, r = image[i, j, 0] >> 3, image[i, j, 1] >> 3, image[i, j, 2] >> 3
                 total += 1
-                hits += table[(int(b) << 10) | (int(g) << 5) | int(r)]
+                hits += table[_entry(image, i, j)]
     return hits / total / 255.0 if total else 0.0
 
 
@@ -189,8 +195,7 @@ def adapted_table(table, image, u, v, radius, rate):
                 d = math.sqrt((i - v) ** 2 + (j - u) ** 2)
                 if d > 0.85 * radius if disc else not 1.25 * radius + 1.0 < d < reach:
                     continue
-                b, g, r = image[i, j, 0] >> 3, image[i, j, 1] >> 3, image[i, j, 2] >> 3
-                c = (int(b) << 10) | (int(g) << 5) | int(r)
+                c = _entry(image, i, j)
                 aim = 255.0 if disc else 0.0
                 out[c] = np.uint8(out[c] + rate * (aim - out[c]))
     return out
@@ -203,12 +208,7 @@ def probability_map(image, table, step):
     out = np.empty((h, wd), np.uint8)
     for i in range(h):
         for j in range(wd):
-            b, g, r = (
-                image[i * step, j * step, 0] >> 3,
-                image[i * step, j * step, 1] >> 3,
-                image[i * step, j * step, 2] >> 3,
-            )
-            out[i, j] = table[(int(b) << 10) | (int(g) << 5) | int(r)]
+            out[i, j] = table[_entry(image, i * step, j * step)]
     return out
 
 
@@ -227,8 +227,5 @@ def update_map(image, table, known, row, rows, step, gain, u, v, radius, least):
         for j in range(w):
             if (i - v) ** 2 + (j - u) ** 2 <= radius * radius:
                 continue
-            b = int(image[i * step, j * step, 0]) >> 3
-            g = int(image[i * step, j * step, 1]) >> 3
-            r = int(image[i * step, j * step, 2]) >> 3
-            seen = 1.0 if table[(b << 10) | (g << 5) | r] > least else 0.0
+            seen = 1.0 if table[_entry(image, i * step, j * step)] > least else 0.0
             known[i, j] += share * (seen - known[i, j])

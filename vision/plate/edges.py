@@ -4,8 +4,6 @@ Corner finders place the corners of a black square too far inside (0.2 px at a l
 `cornerSubPix` follows the rounded tip). The sides have no such bias: a symmetric blur leaves the
 middle of a straight edge where it was. So each side is cut by short profiles, and the pose
 (6 numbers) is fitted to all of them by robust Gauss-Newton steps.
-
-Everything an njit function calls stands in this file, so the lens appears here a second time.
 """
 
 from math import sqrt
@@ -13,6 +11,9 @@ from math import sqrt
 import numpy as np
 
 from vision.compiled import kernel
+from vision.lens import distort, distort_jacobian
+
+_distort, _distort_jacobian = kernel(distort), kernel(distort_jacobian)
 
 
 @kernel
@@ -24,15 +25,9 @@ def _project(px, py, pose, pinhole, k):  # pragma: no cover - compiled
     z = az + pose[2, 3]
     x, y = (ax + pose[0, 3]) / z, (ay + pose[1, 3]) / z
     fx, fy, cx, cy = pinhole
-    k1, k2, p1, p2, k3 = k
-    r2 = x * x + y * y
-    g = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
-    h = 2.0 * k1 + r2 * (4.0 * k2 + r2 * 6.0 * k3)
-    u = fx * (x * g + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x)) + cx
-    v = fy * (y * g + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y) + cy
-    xx = g + x * x * h + 2.0 * p1 * y + 6.0 * p2 * x
-    xy = x * y * h + 2.0 * p1 * x + 2.0 * p2 * y
-    yy = g + y * y * h + 6.0 * p1 * y + 2.0 * p2 * x
+    seen_x, seen_y = _distort(x, y, k)
+    u, v = fx * seen_x + cx, fy * seen_y + cy
+    xx, xy, yy = _distort_jacobian(x, y, k)
     by_u = (fx * xx / z, fx * xy / z, -fx * (xx * x + xy * y) / z)
     by_v = (fy * xy / z, fy * yy / z, -fy * (xy * x + yy * y) / z)
     return u, v, by_u, by_v, (ax, ay, az)
