@@ -130,7 +130,6 @@ def sight(
     else:
         return None
     assert found is not None
-    appearance, found = _outermost(image, appearance, found, bounds_px[1])
     appearance = Appearance.sketch(image, found.u_px, found.v_px, found.radius_px)
     significance = outline_significance(appearance.separation, found.radius_px)
     step = _step(image, found)
@@ -190,24 +189,3 @@ def surest_disc(
         s for s in found if s is not None and math.dist(s.place, (u_px, v_px)) < s.seen.radius_px
     ]
     return max(about, key=lambda s: s.evidence, default=None)
-
-
-def _outermost(
-    image: np.ndarray, appearance: Appearance, found: Detection, largest_px: float
-) -> tuple[Appearance, Detection]:
-    """The largest plausible disc about the same centre: a ball's highlights are round as well."""
-    inner = found
-    for factor in (1.3, 1.7):
-        radius = factor * inner.radius_px
-        if radius > largest_px:
-            break
-        wider = Appearance.sketch(image, inner.u_px, inner.v_px, radius)
-        step = max(1, int(radius / ROUGHLY_PX))
-        disc = locate_shrunk(image, wider, inner.u_px, inner.v_px, radius, step, polish=False)
-        bounds = (max(1.1 * found.radius_px, 0.85 * radius), 1.15 * radius)
-        if disc is None or not is_plausible(disc, wider, bounds, strict=True):
-            continue
-        off = math.hypot(disc.u_px - inner.u_px, disc.v_px - inner.v_px)
-        if off < 0.2 * inner.radius_px and _step(image, disc) >= LEAST_STEP:
-            appearance, found = wider, disc
-    return appearance, found
