@@ -44,7 +44,6 @@ SAME_SIZE_SHARE = 0.06  # share of the radius that a ball's outline keeps from o
 ROUGH_SHARE = 0.03  # residual of an outline, share of the radius, that a sharp whole ball never has
 # Share of the radius below which a sharp outline is the image in a mirroring one.
 INNER_SHARE = 0.92
-SWOLLEN_SHARE = 0.1  # share of the radius by which no blur makes a ball larger
 SHRUNK = 0.92  # of the radius: may be a patch of the ball that shrinks as it turns
 WATCH_S = 0.3  # between two looks for a ball that moves while what is tracked has not moved yet
 GONE_SHARE = 0.1  # of the ball's own fill, below which its colour is gone from a place
@@ -371,10 +370,6 @@ class Tracker:
             if jump > far or not is_plausible(
                 found, appearance, bounds, strict=strict, familiar=same
             ):
-                return False
-            # Blur does not enlarge the half-way outline; a fit between two things may.
-            rough = found.residual_px > ROUGH_SHARE * radius
-            if rough and found.radius_px > (1.0 + SWOLLEN_SHARE) * radius:
                 return False
             # The ball may roll over a known mark, but a jump onto one is a wrong detection.
             on = distractors.at(found.u_px, found.v_px, radius)
