@@ -121,7 +121,7 @@ class CalibrationFolder:
         """
         with _alone(self.path):
             write_rig(change(self._rig(rig_file)), self.path / RIG_FILE)
-        typer.echo(f"believed from now on: {self.path / RIG_FILE}")
+        typer.echo(f"your rig file with what was measured: {self.path / RIG_FILE}")
 
 
 @contextmanager

@@ -211,12 +211,13 @@ def sentence(record: PositionServoRecord, name: str) -> str:
     ):
         if value is not None:
             low, high = scale * value.low, scale * value.high
-            parts.append(f"{label} {scale * value.value:.3g} ({low:.3g} to {high:.3g}) {unit}")
+            of = "" if parts else "95 %: "
+            parts.append(f"{label} {scale * value.value:.3g} ({of}{low:.3g} to {high:.3g}) {unit}")
     if axis.together_off_s:
         parts.append(
-            f"beyond that {1e3 * axis.together_off_s:.2g} ms off for a ball that loses "
-            f"{100 * DRAG_1_S:g} % of its speed in a second, or a plate whose pivot is a ball's "
-            "radius from where it is taken to be"
+            f"off by another {1e3 * axis.together_off_s:.2g} ms where the ball loses "
+            f"{100 * DRAG_1_S:g} % of its speed in a second, or where the plate's pivot lies a "
+            "ball's radius from where the rig file has it"
         )
     return "; ".join(parts)
 

@@ -104,7 +104,9 @@ def _claim_line(claim: dict) -> str:
 @app.command()
 def run(
     protocol: Annotated[str, typer.Argument(help=f"{PROTOCOLS}, or your own .toml file.")],
-    arm: Annotated[str, typer.Option(help="with, without, both, or a compensator.")] = "both",
+    arm: Annotated[
+        str, typer.Option(help="with or without play compensation, both, or a compensator.")
+    ] = "both",
     rig: RigOption = None,
     out: OutOption = Path("out/run"),
     seed: Annotated[int | None, typer.Option(min=0, help="Default: the protocol's own.")] = None,

@@ -172,7 +172,7 @@ def servo(
     out: OutOption = OUT,
     seed: SeedOption = 1,
 ) -> None:
-    """Breakaway volts, gain, time constant and signs; or lag and limits.
+    """Motors: breakaway volts, gain, time constant, signs. Servos told an angle: lag, limits.
 
     Of motors that are given volts: in both directions, without a ball.
 

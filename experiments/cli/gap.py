@@ -15,6 +15,9 @@ Logs = Annotated[
     list[Path] | None,
     typer.Argument(help="Run folders, .csv, .parquet or .mat files of one table."),
 ]
+Until = Annotated[str, typer.Option(help="Last stage: locate, name, add, prove or next.")]
+_LEFT = "Of files: the first so many seconds are left out (a hand at the ball, say)."
+FromS = Annotated[float, typer.Option("--from", min=0.0, help=_LEFT)]
 _BLIND = "With --blind-trial: "
 Trials = Annotated[int, typer.Option(min=1, help=f"{_BLIND}so many with an effect.")]
 Effects = Annotated[str, typer.Option(help=f"{_BLIND}only these, comma-separated.")]
@@ -22,7 +25,8 @@ Pairs = Annotated[bool, typer.Option(help=f"{_BLIND}two effects at once.")]
 Onto = Annotated[bool, typer.Option(help=f"{_BLIND}hide effects in LOGS.")]
 Cluster = Annotated[str | None, typer.Option(help=f"{_BLIND}address of a Dask scheduler.")]
 Jobs = Annotated[int | None, typer.Option(min=1, help=f"{_BLIND}processes; default: all cores.")]
-Seed = Annotated[int | None, typer.Option(min=0, help=f"{_BLIND}or --demo: of what is drawn.")]
+_DRAWN = "With --blind-trial or --demo: seed of what is drawn."
+Seed = Annotated[int | None, typer.Option(min=0, help=_DRAWN)]
 
 
 def gap(
@@ -34,9 +38,8 @@ def gap(
     json_file: Annotated[
         Path | None, typer.Option("--json", help="Write the answer here as JSON, too.")
     ] = None,
-    until: Annotated[
-        str, typer.Option(help="Last stage: locate, name, add, prove or next.")
-    ] = "next",
+    until: Until = "next",
+    from_s: FromS = 0.0,
     tolerances_from: Annotated[
         bool,
         typer.Option(
@@ -83,7 +86,9 @@ def gap(
         play = _guess if guess else _demo
         play(out=out, json_file=json_file, seed=seed, until=until)
     else:
-        _investigate_and_report(given, rig_file=rig, out=out, json_file=json_file, until=until)
+        _investigate_and_report(
+            given, rig_file=rig, out=out, json_file=json_file, until=until, from_s=from_s
+        )
 
 
 def _check_request(
@@ -123,6 +128,7 @@ def _investigate_and_report(
     out: Path,
     json_file: Path | None,
     until: str,
+    from_s: float = 0.0,
     truth: str = "",
 ) -> "Findings":
     """truth: what the demo hid, for the page. ValueError, OSError: bad input or an unwritable
@@ -136,7 +142,9 @@ def _investigate_and_report(
     _check_request(json_file, until, out, logs, rig_file)
     folder = writable(out)
     with bars() as progress:
-        found = investigate(logs, rig_file, until=until, threads=2, progress=progress)
+        found = investigate(
+            logs, rig_file, from_s=from_s, until=until, threads=2, progress=progress
+        )
     if json_file is not None:
         write_json(json_file, found.to_json())
     names, origin = [path.name for path in logs], origin_words(logs, demo=bool(truth))

@@ -5,7 +5,16 @@
 
 from dataclasses import dataclass, field
 
-from rig.parameters import ANGLE_KINDS, BUS_KINDS, PULSES, QUANSER, VOLT_KINDS, Rig
+from rig.parameters import (
+    ANGLE_KINDS,
+    BUS_KINDS,
+    POSITION,
+    PULSES,
+    QUANSER,
+    VOLT_KINDS,
+    VOLTAGE,
+    Rig,
+)
 
 OK, NOTE, BAD = "ok", "note", "bad"
 BOARD_VENDORS = {
@@ -15,6 +24,7 @@ BOARD_VENDORS = {
 USB_VENDOR, USB_PRODUCT = 0x1209, 0x0001
 REALTIME_PRIORITY = 50
 MEMORY_BYTES = 512 * 2**20
+MISSING_CURE = "correct [table]; a calibration is made by rig calibrate camera, then table"
 CURE_RATE = "two bus servos: control_rate_hz = 250, three: 200"
 PACKAGES = ("numpy", "numba", "scipy", "opencv-python-headless", "mcap", "pyserial", "pyusb")
 
@@ -105,7 +115,7 @@ def examine(facts: Facts, rig: Rig) -> list[Finding]:
         PULSES: _serial,
     } | dict.fromkeys(BUS_KINDS, _bus)
     found = [*_packages(facts), *of_kind[rig.table.kind](facts, rig), *_camera(facts, rig)]
-    found += [Finding(name, BAD, "no such file", "correct [table]") for name in facts.missing_files]
+    found += [Finding(name, BAD, "no such file", MISSING_CURE) for name in facts.missing_files]
     if facts.calibration:
         found.append(Finding("calibration", BAD, facts.calibration))
     if rig.table.kind != "simulated":
@@ -138,8 +148,12 @@ def _angles(rig: Rig) -> list[Finding]:
 
 
 def _simulated(facts: Facts, rig: Rig) -> list[Finding]:
-    *kinds, last = (f'"{kind}"' for kind in (ANGLE_KINDS if rig.servo.takes_angle else VOLT_KINDS))
-    cure = f"for a real one name it: [table] kind = {', '.join(kinds)} or {last}"
+    takes = rig.servo.takes_angle
+    mine, others = (ANGLE_KINDS, VOLT_KINDS) if takes else (VOLT_KINDS, ANGLE_KINDS)
+    here, there = (", ".join(f'"{kind}"' for kind in kinds) for kinds in (mine, others))
+    servos = "motors that are given volts" if takes else "hobby or bus servos, told an angle"
+    other = f'{servos} ([servo] kind = "{VOLTAGE if takes else POSITION}"): {there}'
+    cure = f"for a real one name it: [table] kind = {here}; for {other}"
     return [Finding("table", OK, f"the virtual table is always there; {cure}")]
 
 

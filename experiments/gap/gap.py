@@ -23,6 +23,7 @@ def investigate(
     rig_file: Path | None = None,
     *,
     quick: bool = False,
+    from_s: float = 0.0,
     until: str = "next",
     tolerances: Mapping[str, float] | None = None,
     threads: int = 1,
@@ -32,10 +33,11 @@ def investigate(
 
     paths: run folders or log files; rig_file: the nominal model, None to take that of the run
     folders, else the default table. until, tolerances, threads and progress as of
-    `calibration.gap.investigate`; quick: also leaves out the closed loop. FileNotFoundError,
-    ValueError (one line): bad input, see `experiments.gap.input.read_evidence`.
+    `calibration.gap.investigate`; quick: also leaves out the closed loop; from_s: of files, what is
+    left out at their beginning [s]. FileNotFoundError, ValueError (one line): bad input, see
+    `experiments.gap.input.read_evidence`.
     """
-    inputs = read_evidence(list(paths), rig_file)
+    inputs = read_evidence(list(paths), rig_file, from_s)
     stage = "prove" if quick and until == "next" else until
     with threadpool_limits(1):  # small matrices: threads of the linear algebra only get in the way
         found = investigate_logs(

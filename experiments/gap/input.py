@@ -58,18 +58,22 @@ class _One:
         return own_names((self.meta or {}).get("rig") or {})
 
 
-def read_evidence(paths: Sequence[Path], rig_file: Path | None = None) -> GapInput:
+def read_evidence(
+    paths: Sequence[Path], rig_file: Path | None = None, from_s: float = 0.0
+) -> GapInput:
     """Read and check every log and the rig that `rig gap` works on.
 
     paths: run folders (or their samples.mcap), .csv, .parquet or .mat files; rig_file: the nominal
-    model. Rejected runs and logs that are too short are left out with a note. FileNotFoundError,
-    ValueError (one line): a file is missing or not readable, no log is left, or a log is named
-    twice, of another rig, in other units, with axes or signs swapped, or too short.
+    model; from_s: of every file, what comes before this time since its first row is left out (a
+    hand at the ball, say). Rejected runs and logs that are too short are left out with a note.
+    FileNotFoundError, ValueError (one line): a file is missing or not readable, no log is left, or
+    a log is named twice, of another rig, in other units, with axes or signs swapped, or too short.
     """
     if not paths:
         raise ValueError("no log given: name run folders, .csv, .parquet or .mat files")
     given = load_rig(rig_file) if rig_file is not None else None
     read, notes = _kept([one for path in paths for one in _read(Path(path))])
+    read = [_later(one, from_s) for one in read] if from_s > 0.0 else read
     names = _names([one.path for one in read])
     rig, more = _nominal(read, names, given)
     notes += [*more, *_left_out(read, names, rig)]
@@ -114,6 +118,23 @@ def _read(path: Path) -> list[_One]:
     except ValueError as error:
         raise ValueError(f"{folder}: the rig of run.json cannot be used: {error}") from error
     return [_One(folder, log, meta, rig)]
+
+
+def _later(one: _One, from_s: float) -> _One:
+    """A file without what comes before from_s [s]. ValueError: it is a run folder, or shorter."""
+    if one.meta is not None:
+        raise ValueError(
+            f"{one.path}: --from is for files of other programs; a run folder tells by itself when "
+            "the ball was let go, and its closed loop is repeated as a whole"
+        )
+    t_s = one.log["t_s"]
+    rows = one.log.rows[t_s >= t_s[0] + from_s]
+    if not len(rows):
+        raise ValueError(
+            f"{one.path}: --from {from_s:g} is beyond its end, {t_s[-1] - t_s[0]:.3g} s"
+        )
+    words = f"its first {from_s:g} s are left out, as was asked for"
+    return replace(one, log=Log.from_rows(rows, notes=(*one.log.notes, words)))
 
 
 def _checked(

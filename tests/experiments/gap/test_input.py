@@ -58,6 +58,20 @@ def test_a_run_folder_says_what_is_known(tmp_path):
     assert len(found.logs[0]) == 6000
 
 
+def test_what_comes_before_a_time_is_left_out_of_files_and_said(tmp_path):
+    columns = table_log(seed=3)
+    columns["t_s"] = columns["t_s"] + 100.0
+    path = csv(tmp_path, columns)
+    whole, later = read_evidence([path]), read_evidence([path], None, 2.0)
+    assert later.logs[0]["t_s"][0] == pytest.approx(102.0)
+    np.testing.assert_array_equal(later.logs[0].rows, whole.logs[0].rows[1000:])
+    assert "log.csv: its first 2 s are left out, as was asked for" in later.notes
+    with pytest.raises(ValueError, match=r"log.csv: --from 900 is beyond its end, 12 s"):
+        read_evidence([path], None, 900.0)
+    with pytest.raises(ValueError, match="--from is for files of other programs"):
+        read_evidence([run_folder(tmp_path / "run")], None, 2.0)
+
+
 def test_the_truth_is_never_opened(tmp_path):
     folder = run_folder(tmp_path / "run")
     (folder / "truth.json").mkdir()  # opening it would be an error
