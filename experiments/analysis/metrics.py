@@ -25,10 +25,11 @@ from rig.log import Log, shown_angles
 
 NEAR_M, FAR_M, WIDER = 0.002, 0.03, 1.2
 GAP_S = 0.25  # a ball unseen for longer was not there
-SETTLING_TOLD = (
+NUMBERS_TOLD = (
     "A ball has settled when it stays as near to its target as in the last third of the run "
     f"(within {WIDER:g} times the largest distance there, at least {1e3 * NEAR_M:g} mm); one that "
-    "is pushed, when it first stays within 2 cm for 1 s."
+    "is pushed, when it first stays within 2 cm for 1 s. Servo activity: standard deviation of the "
+    "servos' angles from then on, mean of x and y."
 )
 
 

@@ -13,7 +13,7 @@ from typing import Any
 
 from jinja2 import Environment, PackageLoader
 
-from experiments.analysis.metrics import SETTLING_TOLD
+from experiments.analysis.metrics import NUMBERS_TOLD
 from experiments.reports.units import unbroken
 from rig.files import write_ours
 
@@ -140,7 +140,7 @@ def recompute_section(how: str, command: str = "") -> Section:
 
 SETTLED = (
     "Settled: after settling; of a run that never settled, or whose target moves to its end, in "
-    f"its last half. {SETTLING_TOLD}"
+    f"its last half. {NUMBERS_TOLD}"
 )
 # Runs without play compensation stand before those with it, in tables and figures alike.
 ORDER = "without", "with"

@@ -14,7 +14,7 @@ from experiments.analysis.comparison import (
     part_words,
     told_words,
 )
-from experiments.analysis.metrics import SETTLING_TOLD
+from experiments.analysis.metrics import NUMBERS_TOLD
 from experiments.analysis.numbers import (
     Recorded,
     recorded,
@@ -251,7 +251,7 @@ def _comparison(both: Both, out: Path, meta: dict) -> list[Section]:
     part = part_words([*both[0], *both[1]])
     rows = comparison_rows(*both)
     title = "Without and with play compensation"
-    caption = f"The ball {part}{many}. {SETTLING_TOLD} {told_words(rows)}"
+    caption = f"The ball {part}{many}. {NUMBERS_TOLD} {told_words(rows)}"
     table = Table(HEAD, rows, caption, words=4)
     return [Section(title, [COLOURS, Pictures(shown, beside=True), table])]
 

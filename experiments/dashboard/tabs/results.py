@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from experiments.analysis.comparison import HEAD, told_words
-from experiments.analysis.metrics import SETTLING_TOLD
+from experiments.analysis.metrics import NUMBERS_TOLD
 from experiments.dashboard.server.controls import Controls
 from experiments.dashboard.server.input_limits import choice, flag
 from experiments.dashboard.server.untrusted_text import measured, plain
@@ -93,7 +93,7 @@ def card(figures: DrawnFigures) -> str:
     if says:
         lines += ["", *("| " + " | ".join(row) + " |" for row in (HEAD, ("---",) * len(HEAD)))]
         lines += ["| " + " | ".join(map(measured, row)) + " |" for row in says]
-        lines += ["", SETTLING_TOLD]
+        lines += ["", NUMBERS_TOLD]
     for why in dict.fromkeys(row[1] for row in figures.table if row not in says):
         names = ", ".join(row[0] for row in figures.table if row not in says and row[1] == why)
         lines += ["", f"{plain(names)}, with and without: {plain(why)}."]

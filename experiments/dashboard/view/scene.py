@@ -23,8 +23,8 @@ LEGEND_TABLE = """
 **target** is where it shall be. Fine lines are 1 cm apart.
 
 **Pink ball**: the model, driven by the same volts and set onto the ball once a second. "model 11.0
-mm off (noise alone: 6)": by the end of the second the camera's noise alone makes them part by about
-6 mm; what is beyond that is what the model does not know.
+mm off (noise alone: 6 mm)": by the end of the second the camera's noise alone makes them part by
+about 6 mm; what is beyond that is what the model does not know.
 
 **Blocks beside the servos**: the play of gear and joint, 40 times as large. The
 **yellow** tooth moves between two jaws: a **grey** jaw is free, a **red** one is touched.
@@ -164,7 +164,7 @@ class TableScene:
     def __init__(self, server: "ViserServer | ClientHandle", rig: Rig) -> None:
         self._rig, scene = rig, server.scene
         noise_mm = 1e3 * noise_alone_m(rig)
-        self._model_words = f"model {{:.1f}} mm off (noise alone: {noise_mm:.0f})"
+        self._model_words = f"model {{:.1f}} mm off (noise alone: {noise_mm:.0f} mm)"
         self.table = PlateModel(server, "/table", rig)
         draw_grid(server, f"{self.table.name}/plate", rig.linkage.plate_side_m)
         vertices, faces = ball_mesh(HALO * rig.ball.radius_m)
