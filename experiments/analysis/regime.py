@@ -39,8 +39,8 @@ def regime_sentence(rig: Rig, what: str = "On this table") -> str:
     """One sentence: the regime after the label `what`, and the two torques that decide it."""
     return (
         f"{what}, if its joints have play: {regime(rig)} (friction in the joints "
-        f"{rig.drive.joint_friction_nm:.3g} N m, assumed; weight of a ball {100 * FAR_OUT_M:.0f} cm out {ball_torque_nm(rig):.2g} N m, "
-        "both at the servo)."
+        f"{rig.drive.joint_friction_nm:.3g} N m, assumed; weight of a ball "
+        f"{100 * FAR_OUT_M:.0f} cm out {ball_torque_nm(rig):.2g} N m, both at the servo)."
     )
 
 
