@@ -27,13 +27,14 @@ STEPS = (
     ),
     (
         "Calibrate",
-        "press **play** (or *All steps*), which shows the live table again: gear and joint are "
-        "told apart, and what was found is held against the truth.",
+        "press **play** (or *All steps*): gear and joint are told apart, and what was found is held "
+        "against the truth. It moves a copy of the table, not the one in view, for about two "
+        "minutes.",
     ),
     (
         "Gap",
         "tick *Hide the truth* and press the **demo**: its own table has play that the model "
-        "lacks. Guess before it ends: which axis has more, and how many degrees?",
+        "lacks. Which axis has more, and how many degrees? It takes some minutes.",
     ),
 )
 READ = 1  # the step that is reading alone
@@ -57,7 +58,7 @@ def next_step(done: Sequence[bool]) -> int | None:
 def step_words(number: int, mark: str = "") -> str:
     """Markdown of a step (from 0) after a mark."""
     tab, look_for = STEPS[number]
-    return f"{mark}**{number + 1} {tab}**: {look_for}"
+    return f"{mark}**{number + 1}, tab {tab}**: {look_for}"
 
 
 def _marks(done: Sequence[bool]) -> list[str]:

@@ -25,7 +25,7 @@ def test_the_first_step_that_is_not_done_is_next():
     assert marks(True, False, True, False, False) == "✓▶✓○○"
     assert marks(True, True, True, True, True).startswith("✓✓✓✓✓")
     assert "The study is done" in next_words([True] * 5)
-    assert "Next: **5 Gap**" in next_words([True] * 4 + [False])
+    assert "Next: **5, tab Gap**" in next_words([True] * 4 + [False])
 
 
 def test_the_step_above_the_tabs_says_which_are_done_and_stands_there_once():
@@ -82,11 +82,11 @@ def test_only_a_change_is_sent_to_the_pages(tour):
     guide.draw()
     guide.draw()
     assert sent == [tour_words(done), next_words(done)]
-    assert "Next: **1 Run**" in sent[1]
+    assert "Next: **1, tab Run**" in sent[1]
     done[0] = True
     guide.draw()
     assert len(sent) == 4
-    assert "Next: **2 Results**" in sent[3]
+    assert "Next: **2, tab Results**" in sent[3]
 
 
 def test_results_are_ticked_when_somebody_says_so_or_went_on(tour):
@@ -94,12 +94,12 @@ def test_results_are_ticked_when_somebody_says_so_or_went_on(tour):
     done[:2] = [True, True]
     guide.draw()
     assert guide._seen.visible
-    assert "Next: **2 Results**" in sent[-1]
+    assert "Next: **2, tab Results**" in sent[-1]
     guide._note_read()
     guide.draw()
     assert not guide._seen.visible
-    assert "Next: **3 Replay**" in sent[-1]
+    assert "Next: **3, tab Replay**" in sent[-1]
     guide._read, done[2] = False, True
     guide.draw()
-    assert "Next: **4 Calibrate**" in sent[-1]
+    assert "Next: **4, tab Calibrate**" in sent[-1]
     assert not guide._seen.visible
