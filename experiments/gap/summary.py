@@ -26,7 +26,10 @@ def summary_lines(found: Findings, *, recorded_here: bool = True) -> list[str]:
     """
     lines = [f"{found.verdict}{_sure(found)}: {found.sentence}"]
     for w in found.where[:WHERE_SHOWN]:
-        lines.append(_line("where", f"{channel_words(w.channel)}, {w.region}: gap {floors(w.gap)}"))
+        where = f"{channel_words(w.channel)}, {w.region}"
+        lines.append(
+            _line("where", f"{where}: errors {floors(w.gap)} times what noise alone gives")
+        )
     label = "rival" if are_rivals(found) else "effect"
     lines += [_line(label, effect_words(effect, found.known)) for effect in found.effects]
     if found.unknown is not None:
@@ -96,7 +99,9 @@ def _gap_lines(found: Findings) -> list[str]:
             after = f" -> {floors(gap.after[channel])}" if channel in gap.after else ""
             pairs.append(f"{channel_words(channel)} {floors(before)}{after}")
         where = "on data not used for the fit" if gap.held_out else "on the data of the fit"
-        lines.append(_line("gap", f"{', '.join(pairs)} ({where}; 1.0 = noise, {gap.floor})"))
+        lines.append(
+            _line("gap", f"{', '.join(pairs)} ({where}; 1.0 = noise alone, by the {gap.floor})")
+        )
     lines += [_ahead_line("ball", gap.ahead_1s_mm, "mm")] if gap.ahead_1s_mm else []
     lines += [
         _ahead_line(channel_words(channel), ahead, "deg")
@@ -108,7 +113,7 @@ def _gap_lines(found: Findings) -> list[str]:
 def _ahead_line(channel: str, ahead: Mapping[str, float], unit: str) -> str:
     """The error 1 s ahead of one channel: before, after, and that of a fit to the judged data."""
     after = f" -> {sig(ahead['after'])}" if "after" in ahead else ""
-    floor = f" (floor {sig(ahead['floor'])})" if "floor" in ahead else ""
+    floor = f" (fitted to these data: {sig(ahead['floor'])})" if "floor" in ahead else ""
     return _line("1 s ahead", f"{channel} {sig(ahead['before'])}{after} {unit}{floor}")
 
 

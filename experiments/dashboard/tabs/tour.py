@@ -27,8 +27,8 @@ STEPS = (
     ),
     (
         "Calibrate",
-        "press **play** (or *All steps*): gear and joint are told apart, and what was found is held "
-        "against the truth. It moves a copy of the table, not the one in view, for about two "
+        "press **play** (or *All steps*): gear and joint are told apart, and what was found is "
+        "held against the truth. It moves a copy of the table, not the one in view, for about two "
         "minutes.",
     ),
     (

@@ -198,7 +198,7 @@ def test_a_summary_is_short_and_says_the_same(pages):
     assert summary_lines(replace(named(), effects=two))[0].startswith("named (86 % to 98 % sure): ")
     assert "joint_backlash (98 %): x play 2.01 [1.93, 2.09] deg, y play 1.15 [1.10, 1.19]" in lines
     assert "ball x 7.90 -> 1.04" in lines
-    assert "6.1 -> 2.4 mm (floor 2.2)" in lines
+    assert "6.1 -> 2.4 mm (fitted to these data: 2.2)" in lines
     assert "recalibrate the servo: gain_x_rad_s_V = 1.61 (+5 %)" in lines
     assert "4.1" not in lines
     assert "rig run steps (30 s) tells camera_delay from linkage_cubic" in "\n".join(
