@@ -120,7 +120,7 @@ def run(
 ) -> None:
     """Run a protocol and record it. On the virtual table or the rig file's; prints the folders."""
     from experiments.cli.console import bars
-    from experiments.records.run_folder import results_folder
+    from experiments.records.run_folder import clock_note, results_folder
     from experiments.runs.assemble import load_rig
     from experiments.runs.protocol import read_protocol
     from experiments.runs.runs import run_protocol
@@ -132,6 +132,8 @@ def run(
     if camera not in ("statistical", "frames"):
         raise ValueError(f"--camera {camera}: must be statistical or frames")
     table, folder = load_rig(rig), results_folder(out)
+    if note := clock_note(folder / "runs"):
+        say(note)
     how = {
         "arms": plan.arms if arm == "both" else [arm],
         "out": folder,

@@ -68,6 +68,23 @@ def new_run_folder(parent: Path, protocol: str, arm: str, now: datetime | None =
             return folder
 
 
+def clock_note(parent: Path, now: datetime | None = None) -> str:
+    """A sentence where a run of `parent` bears a time that is still to come; "" where none does.
+
+    now: with time zone, default the present time, which may lag by a minute.
+    """
+    latest = (now or datetime.now(UTC)).astimezone(UTC) + timedelta(minutes=1)
+    stamp = latest.strftime("%Y%m%dT%H%M%S")
+    runs = (path.name for path in Path(parent).glob("*/") if re.match(r"\d{8}T\d{6}-", path.name))
+    newest = max(runs, default="")
+    if newest[: len(stamp)] <= stamp:
+        return ""
+    return (
+        f"note: {newest} is of a time to come: is this computer's clock right? Runs are taken in "
+        "the order of their times, by rig watch and the dashboard, too"
+    )
+
+
 def write_truth(folder: Path | str, truth: dict) -> None:
     """Write truth.json, the simulated plant's true values, which only scorers open. OSError: it
     cannot be written.
