@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from math import copysign, inf, isfinite, log1p, sqrt
 
 from rig.parameters import ANGLE_MARGIN_RAD, Rig, Servo
-from rig.safety.follow_watch import FollowWatch, patience_s, watch_following
+from rig.safety.follow_watch import FollowLimits, FollowWatch, watch_following
 from rig.safety.motion_watch import (
     PLAY_RAD,
     UNKNOWN,
@@ -37,7 +37,7 @@ class MonitorLimits:
     is balanced; old_s: largest age of an observation; late_s: latest tick; late_ticks: number of
     missed ticks that is a fault, of which each tick in time makes good late_share; measured: the
     angles are, else they are no numbers; motion: which weaker volts move an arm, None: not known;
-    follow_s: longest time without a motion of an arm that is told another angle, inf: none is.
+    follow: how one that is told an angle goes there, None: nothing tells that.
     """
 
     period_s: float
@@ -54,7 +54,7 @@ class MonitorLimits:
     late_ticks: float = 25.0
     measured: bool = True
     motion: MotionLimits | None = None
-    follow_s: float = inf
+    follow: FollowLimits | None = None
 
     @classmethod
     def of_rig(cls, rig: Rig, breakaway_V: tuple[Both, ...] = ()) -> "MonitorLimits":
@@ -77,8 +77,8 @@ class MonitorLimits:
         q = s / (K V tau). stall_s is as long for the play of the gear and the least motion that
         its encoder tells from a step, and 80 ms for servos that are faster (tau below 24 ms).
         """
-        fastest = servo.gain_rad_s_V * servo.voltage_limit_V
-        if servo.takes_angle:
+        fastest, told = servo.gain_rad_s_V * servo.voltage_limit_V, servo.takes_angle
+        if told:
             fastest = max(servo.pair("rate_limit_rad_s"))
         moved_rad, _ = way_of(servo.encoder_step_rad)
         tau_s, way_rad = servo.time_constant_s, PLAY_RAD + moved_rad + servo.encoder_step_rad
@@ -91,12 +91,12 @@ class MonitorLimits:
             rate_rad_s=2 * fastest,
             noise_rad=4 * servo.encoder_step_rad,
             angle_rad=servo.angle_limit_rad + ANGLE_MARGIN_RAD,
-            stall_V=inf if servo.takes_angle else cls.stall_V,
+            stall_V=inf if told else cls.stall_V,
             stall_s=max(cls.stall_s, late_s + period_s),
             stall_rad=moved_rad,
             measured=servo.has_angle,
-            motion=None if servo.takes_angle else MotionLimits.of_servo(servo, sure_V),
-            follow_s=patience_s(servo) if servo.takes_angle and servo.has_angle else inf,
+            motion=None if told else MotionLimits.of_servo(servo, sure_V),
+            follow=FollowLimits.of_servo(servo) if told and servo.has_angle else None,
         )
 
 
@@ -183,7 +183,7 @@ def check(
         theta_rad=reading.theta_rad,
         pushes=(pushes[0], pushes[1]),
         motions=_motions(state, limits, reading, volts, step_s),
-        follows=_follows(state, limits, reading, volts),
+        follows=_follows(state, limits, reading, volts, step_s),
         missed=state.missed + 1.0 if missed else max(0.0, state.missed - limits.late_share),
         late_s=late_s,
     )
@@ -320,12 +320,17 @@ def _still(after: MonitorState, limits: MonitorLimits) -> Fault | None:
 
 
 def _follows(
-    state: MonitorState, limits: MonitorLimits, reading: Reading, told_rad: tuple[float, float]
+    state: MonitorState,
+    limits: MonitorLimits,
+    reading: Reading,
+    told_rad: tuple[float, float],
+    step_s: float,
 ) -> tuple[FollowWatch, FollowWatch]:
-    if limits.follow_s == inf:
+    follow, now = limits.follow, (reading.t_s, step_s)
+    if follow is None:
         return state.follows
     x, y = (
-        watch_following(state.follows[a], told_rad[a], reading.theta_rad[a], reading.t_s)
+        watch_following(state.follows[a], follow, told_rad[a], reading.theta_rad[a], *now)
         for a in (0, 1)
     )
     return x, y
@@ -334,7 +339,7 @@ def _follows(
 def _left(after: MonitorState, limits: MonitorLimits) -> Fault | None:
     """A servo that is told an angle and stays where it is."""
     for a, one in enumerate(after.follows):
-        if after.t_s - one.since_s > limits.follow_s:
+        if limits.follow is not None and after.t_s - one.since_s > limits.follow.patience_s:
             words = f"servo {'xy'[a]} stays at {one.theta_rad:.2f} rad, told elsewhere: {BLOCKED}"
             return Fault("stall", words, False, a)
     return None

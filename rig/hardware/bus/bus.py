@@ -199,7 +199,7 @@ class BusTable(ServoTable, LevelOnExit):
                 self._go_level()
                 self._step_rad = inf
         except BaseException:
-            self._homed = False  # nothing is levelled any more
+            self.level_s = 0.0
             self.close()
             raise
 
@@ -264,8 +264,8 @@ class BusTable(ServoTable, LevelOnExit):
         self._tell_goals([min(max(angle, told - step), told + step) for angle, told in ways])
 
     def close(self) -> None:
-        """Leave the servos holding level, to which they go slowly, and let the bus go; where level
-        is not known they hold where they are, and a blocked one is not pushed on.
+        """Leave the servos holding level, to which they go slowly, and let the bus go; where
+        nothing is to be levelled they hold where they are, and a blocked one is not pushed on.
         """
         if self._closed:
             return
@@ -278,7 +278,7 @@ class BusTable(ServoTable, LevelOnExit):
                 for _ in range(SET_TRIES):  # nobody hears whether one was lost
                     self._tell_watchdog(on=False)
                     self._write(self._vendor.speed, slow)
-                    self._tell_goals(level if self._homed else self.turned_rad)
+                    self._tell_goals(level if self.level_s > 0.0 else self.turned_rad)
         self._armed = False
         self._link.close()
 

@@ -14,7 +14,7 @@ from experiments.runs.protocol import read_protocol
 from experiments.runs.runner import RunRequest, simulate_runs
 from rig.log import INDEX, Log
 from rig.parameters import ANGLE_MARGIN_RAD, Rig, Servo
-from rig.safety.follow_watch import FollowWatch
+from rig.safety.follow_watch import FollowLimits, FollowWatch
 from rig.safety.monitor import (
     Fault,
     MonitorLimits,
@@ -114,7 +114,7 @@ def test_limits_are_the_tables_own():
     assert LIMITS.angle_rad == servo.angle_limit_rad + ANGLE_MARGIN_RAD
     defaults = MonitorLimits(1.0, 2.0, 3.0, 4.0)
     healthy_table = (2.0, 0.08, 0.004, 1.25, 0.5, 0.1, 0.05, 25.0)
-    assert astuple(defaults) == (1.0, 2.0, 3.0, 4.0, *healthy_table, True, None, inf)
+    assert astuple(defaults) == (1.0, 2.0, 3.0, 4.0, *healthy_table, True, None, None)
 
 
 def test_servos_that_take_an_angle_have_their_own_rate_no_stall_and_perhaps_no_angle():
@@ -301,7 +301,7 @@ def test_one_push_is_followed_step_by_step():
 @pytest.mark.parametrize("axis", [0, 1])
 def test_a_servo_that_stays_where_it_is_told_elsewhere_is_named_in_time(axis: int):
     servo = Servo(kind="position", angle_measured=True)
-    limits = replace(MonitorLimits.of_servo(servo, 0.25), follow_s=0.25)
+    limits = replace(MonitorLimits.of_servo(servo, 0.25), follow=FollowLimits(0.0, inf, 0.25))
     state, fault = check(MonitorState(), limits, Reading(0.0, (0.0, 0.0)), (0, 0), balancing=False)
     told = (0.3, 0.0) if axis == 0 else (0.0, 0.3)
     for t_s in (0.25, 0.5):

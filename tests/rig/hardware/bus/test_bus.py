@@ -532,3 +532,17 @@ def test_a_lost_packet_at_the_end_leaves_no_arm_tilted(bench, kind: str):
     one.run(3.0)
     assert next(heard) > 6
     assert one.board.servos[1].counts == pytest.approx(2048, abs=3)
+
+
+@EVERY
+def test_a_run_that_ends_without_levelling_pushes_nothing_on(bench, kind: str):
+    """As the loop ends one whose servo is held: `level_s` is 0. It was told level, for ever."""
+    one = bench(kind)
+    table = one.open()
+    with table:
+        ticks(table, 200, (0.3, 0.0))
+        one.board.servos[1].held = True
+        ticks(table, 50, (-0.3, 0.0))
+        table.level_s = 0.0
+    one.run(1.0)
+    assert (1, round(one.board.servos[1].counts)) in one.goals()[-2:]
