@@ -16,6 +16,7 @@ Logs = Annotated[
     typer.Argument(help="Run folders, .csv, .parquet or .mat files of one table."),
 ]
 Until = Annotated[str, typer.Option(help="Last stage: locate, name, add, prove or next.")]
+Json = Annotated[Path | None, typer.Option("--json", help="Write the answer here as JSON, too.")]
 _LEFT = "Of files: the first so many seconds are left out (a hand at the ball, say)."
 FromS = Annotated[float, typer.Option("--from", min=0.0, help=_LEFT)]
 _BLIND = "With --blind-trial: "
@@ -35,9 +36,7 @@ def gap(
         Path | None, typer.Option("--rig", help="rig.toml: the model as it is believed.")
     ] = None,
     out: Annotated[Path, typer.Option("--out", help="Folder for what is made.")] = Path("out/gap"),
-    json_file: Annotated[
-        Path | None, typer.Option("--json", help="Write the answer here as JSON, too.")
-    ] = None,
+    json_file: Json = None,
     until: Until = "next",
     from_s: FromS = 0.0,
     tolerances_from: Annotated[
@@ -65,6 +64,8 @@ def gap(
 ) -> None:
     """Name the effect that the model lacks. Says where it is wrong, shows the gap shrink."""
     given = [*(logs or [])]
+    if from_s and not given:
+        raise ValueError(f"--from {from_s:g}: of which files? name them")
     if blind_trial:
         _blind(
             given,
@@ -79,7 +80,7 @@ def gap(
             pairs=pairs,
         )
     elif tolerances_from:
-        _tolerances(given, rig_file=rig, out=out)
+        _tolerances(given, rig_file=rig, out=out, from_s=from_s)
     elif demo or guess:
         if given or rig is not None or not demo:
             raise ValueError(_no_demo(given, rig))
@@ -164,7 +165,7 @@ def _investigate_and_report(
     return found
 
 
-def _tolerances(logs: Sequence[Path], *, rig_file: Path | None, out: Path) -> None:
+def _tolerances(logs: Sequence[Path], *, rig_file: Path | None, out: Path, from_s: float) -> None:
     """Learn tolerances and floors of a table from clean runs; write them into OUT/rig.toml."""
     from calibration.gap.tolerances import learn
     from experiments.gap.input import read_evidence
@@ -173,7 +174,7 @@ def _tolerances(logs: Sequence[Path], *, rig_file: Path | None, out: Path) -> No
 
     refuse_own(out / "rig.toml")
     refuse_input("--out", out / "rig.toml", [rig_file] if rig_file else [], "rig file")
-    inputs, folder = read_evidence(list(logs), rig_file), writable(out)
+    inputs, folder = read_evidence(list(logs), rig_file, from_s), writable(out)
     learned = learn(inputs.logs, inputs.rig)
     write_rig(learned, folder / "rig.toml")
     for name, value in (*learned.tolerances.items(), *learned.floors.items()):

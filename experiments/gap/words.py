@@ -140,11 +140,14 @@ def closed_share(before: float, after: float) -> str:
     """Share of a gap that is closed, (before - after)/(before - 1), in percent, or by how much it
     grew.
 
-    before, after: gaps in noise floors; "no gap to close" below 1.05 or where one is not finite.
+    before, after: gaps in noise floors; "no gap to close" below 1.05 (both, where it grew) or where
+    one is not finite.
     """
+    if not (isfinite(before) and isfinite(after)) or max(before, after) < 1.05:
+        return "no gap to close"
     if after - before >= 0.05:
         return f"grew by {after - before:.2f}"
-    if not (isfinite(before) and isfinite(after)) or before < 1.05:
+    if before < 1.05:
         return "no gap to close"
     return f"{100 * (before - after) / (before - 1):.0f} %"
 

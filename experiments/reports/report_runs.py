@@ -145,7 +145,8 @@ def report_runs(folders: Sequence[Path], out: Path, *, progress: ProgressCall = 
 
 def _how(meta: dict) -> str:
     """How a run ended, and why."""
-    return ": ".join(filter(None, (f"outcome {meta.get('outcome')}", meta.get("reason"))))
+    reason = meta.get("reason")
+    return f"outcome {meta.get('outcome')}" + (f": {reason}" if reason else "")
 
 
 def _in_order(runs: list[Recorded], metas: list[dict]) -> tuple[list[Recorded], list[dict]]:

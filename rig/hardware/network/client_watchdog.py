@@ -208,7 +208,8 @@ class ClientWatchdog:
 
     def _clamped(self, volts, theta_rad, rate_rad_s) -> tuple[float, float]:
         """The table's own bounds, whatever the user's program allows itself. What an honest user's
-        limiter let through passes as it is: limiting twice changes nothing.
+        limiter let through passes as it is (limiting twice changes nothing), but where ticks come
+        late.
         """
         most = self._limit_V if self.homed else min(HOMING_LIMIT_V, self._limit_V)
         reach = self._angle_limit_rad if self.homed else inf
