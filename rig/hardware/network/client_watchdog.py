@@ -10,7 +10,7 @@ from rig.hardware.network.remote_wire import SILENT_S, DriveRequest
 from rig.hardware.wiring import Wiring
 from rig.parameters import Servo
 from rig.safety.levelling import Levelling
-from rig.safety.limits import CATCH_TAUS, braking, delayed, free_rate, lateness, limit
+from rig.safety.limits import CATCH_TAUS, braking, free_rate, limit
 from rig.safety.monitor import Fault, MonitorLimits, MonitorState, check, without
 from rig.safety.motion_watch import UNKNOWN, Both, MotionLimits
 from rig.table import Reading
@@ -181,7 +181,6 @@ class ClientWatchdog:
     def _forget_motion(self) -> None:
         self._last: tuple[tuple[float, float], float] | None = None  # angles, and when
         self._rate_rad_s = self._free_rad_s = (0.0, 0.0)
-        self._slow_s = 0.0
 
     def _rates(self, theta_rad: tuple[float, float], now_s: float) -> tuple[float, float]:
         """Filtered rates of the arms [rad/s], and what they would be by the volts alone; 0 before
@@ -190,17 +189,15 @@ class ClientWatchdog:
         last, self._last = self._last, (theta_rad, now_s)
         if last is None or not now_s > last[1]:
             return self._rate_rad_s
-        step_s, period_s = now_s - last[1], self._limits.period_s
-        self._slow_s = lateness(self._slow_s, step_s - period_s, period_s)
-        kept = exp(-step_s / self._servo.time_constant_s)
+        kept = exp(-(now_s - last[1]) / self._servo.time_constant_s)
         x, y = (
             free_rate(before, volts, self._servo.gain_rad_s_V, kept)
             for before, volts in zip(self._free_rad_s, self._given, strict=True)
         )
         self._free_rad_s = x, y
-        decay = exp(-step_s / RATE_FILTER_S)
+        decay = exp(-(now_s - last[1]) / RATE_FILTER_S)
         x, y = (
-            decay * rate + (1 - decay) * (angle - before) / step_s
+            decay * rate + (1 - decay) * (angle - before) / (now_s - last[1])
             for rate, angle, before in zip(self._rate_rad_s, theta_rad, last[0], strict=True)
         )
         self._rate_rad_s = x if isfinite(x) else 0.0, y if isfinite(y) else 0.0
@@ -208,14 +205,12 @@ class ClientWatchdog:
 
     def _clamped(self, volts, theta_rad, rate_rad_s) -> tuple[float, float]:
         """The table's own bounds, whatever the user's program allows itself. What an honest user's
-        limiter let through passes as it is (limiting twice changes nothing), but where ticks come
-        late.
+        limiter let through passes as it is: limiting twice changes nothing.
         """
         most = self._limit_V if self.homed else min(HOMING_LIMIT_V, self._limit_V)
         reach = self._angle_limit_rad if self.homed else inf
-        stops = delayed(self._braking, self._slow_s)
         x, y = (
-            limit(commanded, a, w, 0.0, most, reach, inf, stops, 0.0, free)
+            limit(commanded, a, w, 0.0, most, reach, inf, self._braking, 0.0, free)
             for commanded, a, w, free in zip(
                 volts, theta_rad, rate_rad_s, self._free_rad_s, strict=True
             )
