@@ -64,8 +64,8 @@ def gap(
 ) -> None:
     """Name the effect that the model lacks. Says where it is wrong, shows the gap shrink."""
     given = [*(logs or [])]
-    if from_s and not given:
-        raise ValueError(f"--from {from_s:g}: of which files? name them")
+    if from_s and (blind_trial or not given):
+        raise ValueError(f"--from {from_s:g}: is for LOG... that are files, and no trial's")
     if blind_trial:
         _blind(
             given,

@@ -73,7 +73,7 @@ def read_evidence(
         raise ValueError("no log given: name run folders, .csv, .parquet or .mat files")
     given = load_rig(rig_file) if rig_file is not None else None
     read, notes = _kept([one for path in paths for one in _read(Path(path))])
-    read = [_later(one, from_s) for one in read] if from_s > 0.0 else read
+    read = [_later(one, from_s) for one in read] if from_s else read
     names = _names([one.path for one in read])
     rig, more = _nominal(read, names, given)
     notes += [*more, *_left_out(read, names, rig)]

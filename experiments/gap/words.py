@@ -147,9 +147,7 @@ def closed_share(before: float, after: float) -> str:
         return "no gap to close"
     if after - before >= 0.05:
         return f"grew by {after - before:.2f}"
-    if before < 1.05:
-        return "no gap to close"
-    return f"{100 * (before - after) / (before - 1):.0f} %"
+    return f"{100 * (before - after) / (before - 1):.0f} %" if before >= 1.05 else "no gap to close"
 
 
 def added_toml(found: Findings) -> str:

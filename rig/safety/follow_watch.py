@@ -3,8 +3,7 @@
 Where the servo tells its angle, one that is led elsewhere by more than ELSEWHERE_RAD moves by
 MOVED_RAD within its dead time, its lag and PATIENCE_S; a held one does not. It is led as a servo
 follows: at most at the rate limit, with lag and dead time as one lag, so that a command which is
-gone before the arm could answer leads nowhere. Its zero may be anything: only changes
-are compared.
+gone before the arm could answer leads nowhere. Its zero may be anything: only changes are compared.
 """
 
 from dataclasses import dataclass, replace

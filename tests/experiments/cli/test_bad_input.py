@@ -73,6 +73,8 @@ def test_what_gap_can_know_before_it_works(tmp_path: Path):
         ((log, "--json", tmp_path / "none" / "x.json"), "no such folder"),
         (("--demo", "--rig", "nope.toml"), "--demo has a table of its own"),
         (("--demo", "--until", "xyz"), "known stages"),
+        (("--demo", "--from", "12"), "is for LOG..."),
+        (("--blind-trial", "--onto", log, "--from", "12"), "and no trial's"),
     ):
         assert say in refused("gap", *words, "--out", tmp_path / "o")
 

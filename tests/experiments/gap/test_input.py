@@ -68,6 +68,8 @@ def test_what_comes_before_a_time_is_left_out_of_files_and_said(tmp_path):
     assert "log.csv: its first 2 s are left out, as was asked for" in later.notes
     with pytest.raises(ValueError, match=r"log.csv: --from 900 is beyond its end, 12 s"):
         read_evidence([path], None, 900.0)
+    with pytest.raises(ValueError, match="--from nan is beyond its end"):
+        read_evidence([path], None, float("nan"))
     with pytest.raises(ValueError, match="--from is for files of other programs"):
         read_evidence([run_folder(tmp_path / "run")], None, 2.0)
 

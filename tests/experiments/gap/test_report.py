@@ -5,7 +5,7 @@ import re
 import tomllib
 from dataclasses import replace
 from itertools import pairwise
-from math import nan
+from math import inf, nan
 from pathlib import Path
 
 import numpy as np
@@ -306,6 +306,8 @@ def test_numbers_for_people():
     assert closed_share(1.04, 1.0) == "no gap to close"
     assert closed_share(3.0, 1.1) == "95 %"
     assert closed_share(1.0, 1.21) == "grew by 0.21"
+    assert closed_share(1.04, 1.07) == closed_share(0.5, 0.8) == "no gap to close"
+    assert closed_share(2.0, inf) == "no gap to close"
 
 
 @given(value=st.floats(-1e3, 1e3), half=st.floats(1e-6, 1e3))
