@@ -38,7 +38,7 @@ def regime(rig: Rig) -> str:
 def regime_sentence(rig: Rig, what: str = "On this table") -> str:
     """One sentence: the regime after the label `what`, and the two torques that decide it."""
     return (
-        f"{what}, if its joints have play: {regime(rig)} (friction in the joints "
+        f"{what}: {regime(rig)} (friction in the joints "
         f"{rig.drive.joint_friction_nm:.3g} N m, assumed; weight of a ball "
         f"{100 * FAR_OUT_M:.0f} cm out {ball_torque_nm(rig):.2g} N m, both at the servo)."
     )
@@ -52,7 +52,7 @@ def regime_of_record(rig: dict | None) -> str:
     """
     if not rig:
         return "Whether friction holds the loose plate is not known: the run folder holds no rig."
-    return regime_sentence(rig_of_record(rig))
+    return regime_sentence(rig_of_record(rig), "On this table, if its joints have play")
 
 
 def rig_of_record(rig: dict) -> Rig:

@@ -56,7 +56,9 @@ def test_the_simulated_plate_does_what_the_word_says(friction_nm: float, moves: 
 
 def test_a_record_says_what_its_rig_says_and_none_says_so():
     loose = with_friction(TABLE, 1e-4)
-    assert regime_of_record(asdict(loose)) == regime_sentence(loose)
+    assert regime_of_record(asdict(loose)) == regime_sentence(
+        loose, "On this table, if its joints have play"
+    )
     assert "not known" in regime_of_record(None)
     assert regime(little_friction(TABLE)) == KEEPS
     assert regime(replace(TABLE, ball=replace(TABLE.ball, mass_kg=0.0))) == KEEPS
