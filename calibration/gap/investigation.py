@@ -27,6 +27,7 @@ from calibration.gap.report import findings_of_decision, wording
 from calibration.gap.unnamed import basis
 from calibration.gap.unnamed.wording import describe, formula
 from calibration.gap.veto import decide_by_proof
+from calibration.linear_algebra import single_threaded
 from rig.log import Log
 from rig.parameters import Rig
 from rig.plant.plant_record import pack
@@ -54,6 +55,7 @@ class Investigation:
         return min(close, key=lambda pair: pair[1].margin) if close else None
 
 
+@single_threaded
 def investigate(
     logs: Sequence[Log],
     rig: Rig,
@@ -74,7 +76,7 @@ def investigate(
     leaves out the regions, the sizes by log, and the rivals in the proof. `threads`: predictions
     that run at a time. `progress`: called with (stage, done, total); the stage "name" tells what
     it does as "name: words".
-    The answer depends on the logs, the rig and the options alone.
+    The answer depends on the logs, the rig and the options alone (`single_threaded`).
 
     `ValueError`: unknown stage.
     """

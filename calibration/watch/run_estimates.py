@@ -28,6 +28,7 @@ from calibration.gap.name.candidates import Start
 from calibration.gap.name.drive_law import best_of_grid, has_law
 from calibration.gap.name.load_friction import choose_friction_model, friction_models
 from calibration.gap.report.findings_of_decision import enough_motion
+from calibration.linear_algebra import single_threaded
 from rig.effects import BY_NAME
 from rig.log import Log
 from rig.parameters import Rig
@@ -71,6 +72,7 @@ class RunEstimate:
     stds: np.ndarray
 
 
+@single_threaded
 def accept(logs: Sequence[Log], rig: Rig) -> Accepted:
     """The accepted model from logs of accepted runs and the rig file.
 
@@ -91,6 +93,7 @@ def accept(logs: Sequence[Log], rig: Rig) -> Accepted:
     return Accepted(best, _watched(best), rig)
 
 
+@single_threaded
 def estimate(accepted: Accepted, log: Log) -> RunEstimate:
     """What a log says of the watched parameters, fitted from the accepted model.
 

@@ -315,6 +315,8 @@ def main() -> None:
     threads = os.environ.get("NUMBA_NUM_THREADS")
     if threads is not None and not (threads.isdecimal() and int(threads) > 0):
         _fail(f"NUMBA_NUM_THREADS = {threads!r}: must be a whole number above 0", 2)
+    # Before numpy: every process that a command starts inherits it. `calibration.linear_algebra`.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
         with leave_on_signals(_print):
             code = app(

@@ -4,13 +4,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from threadpoolctl import threadpool_limits
-
 from calibration.gap.findings import ClosedLoopRow, Findings, NextExperiment
 from calibration.gap.investigation import Investigation
 from calibration.gap.investigation import investigate as investigate_logs
 from calibration.gap.next_experiment import propose
 from calibration.gap.report.findings_of_decision import effects_of
+from calibration.linear_algebra import single_threaded
 from experiments.gap.closed_loop_proof import closed_loop_rows
 from experiments.gap.input import GapInput, read_evidence
 from experiments.gap.protocol_choices import experiment_menu
@@ -18,6 +17,7 @@ from experiments.gap.words import farther_note
 from experiments.progress import ProgressCall, silent
 
 
+@single_threaded
 def investigate(
     paths: Sequence[Path],
     rig_file: Path | None = None,
@@ -39,30 +39,29 @@ def investigate(
     """
     inputs = read_evidence(list(paths), rig_file, from_s)
     stage = "prove" if quick and until == "next" else until
-    with threadpool_limits(1):  # small matrices: threads of the linear algebra only get in the way
-        found = investigate_logs(
-            inputs.logs,
-            inputs.rig,
-            notes=inputs.notes,
-            log_names=inputs.names,
-            until=stage,
-            tolerances=tolerances,
-            quick=quick,
-            threads=threads,
-            progress=progress,
-        )
-        if quick and until == "next" and found.rivals is not None:
-            return replace(found.findings, next_experiment=_next(found, inputs))
-        if quick or stage not in ("prove", "next"):
-            return found.findings
-        progress("closed loop and next experiment", 0, 1)
-        loop = _closed_loop(inputs, found.findings)
-        told = farther_note(loop) + found.findings.notes  # the gravest first
-        answer = replace(found.findings, closed_loop=loop, notes=told)
-        if stage == "next" and found.rivals is not None:
-            answer = replace(answer, next_experiment=_next(found, inputs))
-        progress("closed loop and next experiment", 1, 1)
-        return answer
+    found = investigate_logs(
+        inputs.logs,
+        inputs.rig,
+        notes=inputs.notes,
+        log_names=inputs.names,
+        until=stage,
+        tolerances=tolerances,
+        quick=quick,
+        threads=threads,
+        progress=progress,
+    )
+    if quick and until == "next" and found.rivals is not None:
+        return replace(found.findings, next_experiment=_next(found, inputs))
+    if quick or stage not in ("prove", "next"):
+        return found.findings
+    progress("closed loop and next experiment", 0, 1)
+    loop = _closed_loop(inputs, found.findings)
+    told = farther_note(loop) + found.findings.notes  # the gravest first
+    answer = replace(found.findings, closed_loop=loop, notes=told)
+    if stage == "next" and found.rivals is not None:
+        answer = replace(answer, next_experiment=_next(found, inputs))
+    progress("closed loop and next experiment", 1, 1)
+    return answer
 
 
 def _closed_loop(inputs: GapInput, found: Findings) -> tuple[ClosedLoopRow, ...]:

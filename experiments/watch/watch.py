@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from calibration.gap.model.parameters import Parameter
 from calibration.watch.change_detection import (
@@ -101,19 +100,18 @@ def watch(
     runs = runs_of(folder)
     chosen = accepted_of(runs, accepted, folder)
     rig = load_rig(rig_file) if rig_file is not None else rig_of(chosen[0])
-    with threadpool_limits(1):  # small matrices: threads of the linear algebra only get in the way
-        progress("accepted model", 0, 1)
-        logs = []
-        for one in chosen:
-            try:
-                logs.append(log_of(one, rig))
-            except (ValueError, OSError) as error:
-                cure = "accept another run (--accept RUN)"
-                raise ValueError(f"{one.name} cannot be accepted: {error}; {cure}") from error
-        model = accept(logs, rig)
-        progress("accepted model", 1, 1)
-        begin = [estimate(model, log) for log in logs]
-        return _judged(folder, runs, chosen, model, begin, progress)
+    progress("accepted model", 0, 1)
+    logs = []
+    for one in chosen:
+        try:
+            logs.append(log_of(one, rig))
+        except (ValueError, OSError) as error:
+            cure = "accept another run (--accept RUN)"
+            raise ValueError(f"{one.name} cannot be accepted: {error}; {cure}") from error
+    model = accept(logs, rig)
+    progress("accepted model", 1, 1)
+    begin = [estimate(model, log) for log in logs]
+    return _judged(folder, runs, chosen, model, begin, progress)
 
 
 def _judged(folder, runs, chosen, model, begin, progress) -> Watch:

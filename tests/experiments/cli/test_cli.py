@@ -135,6 +135,16 @@ def test_a_bad_number_of_threads_is_exit_2_and_one_line(monkeypatch, capsys, thr
     assert capsys.readouterr().err == said
 
 
+def test_what_a_command_starts_takes_one_thread_of_the_linear_algebra(monkeypatch):
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "4")
+    monkeypatch.delenv("OPENBLAS_NUM_THREADS")
+    assert call("effects") == 0
+    assert os.environ["OPENBLAS_NUM_THREADS"] == "1"
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "2")
+    assert call("effects") == 0
+    assert os.environ["OPENBLAS_NUM_THREADS"] == "2", "what the user says counts"
+
+
 def test_a_bad_rig_file_is_exit_2(capsys, tmp_path: Path):
     rig = tmp_path / "rig.toml"
     rig.write_text("[ball]\nradius_m = 0.2\n")
