@@ -24,7 +24,8 @@ settings.register_profile("untimed", deadline=None, derandomize="CI" in os.envir
 settings.load_profile("untimed")
 if parts.PARTS["EGL"].find():
     os.environ.setdefault("MUJOCO_GL", "egl")  # read when MuJoCo is imported: it draws no window
-
+# Read when numpy is imported. Each of the processes that run tests has a core of its own.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 # CI's machine may be half as fast as usual, and what it does not end in time it has not done: the
 # slow tests begin until this moment [s since 1970], and the rest is counted as not tried.
