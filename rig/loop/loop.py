@@ -15,6 +15,7 @@ from rig.course import BLIND_LIMIT_S, Course
 from rig.foreign_call import ForeignCall, in_words
 from rig.log import COLUMNS
 from rig.loop.commands import BY_HAND, CommandSlot, Inbox, Push, SetGains, Stop, Target, said
+from rig.loop.signals import stop_by
 from rig.operator import SAY, Operator
 from rig.parameters import Rig
 from rig.safety import monitor
@@ -42,11 +43,11 @@ class Ending:
 
 
 def ending_of(error: BaseException) -> Ending:
-    """Return the ending of a run that raised `error`: the `outcome` that it bears (a lost link, a
-    camera), else aborted.
+    """Return the ending of a run that raised `error`: that of a signal, the `outcome` that it bears
+    (a lost link, a camera), else aborted.
     """
-    if isinstance(error, KeyboardInterrupt):
-        return Ending("interrupted", "by the operator")
+    if (stop := stop_by(error)) is not None:
+        return Ending(stop.outcome, stop.reason)
     outcome = getattr(error, "outcome", "aborted")
     return Ending(outcome, in_words(error))
 

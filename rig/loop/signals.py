@@ -54,6 +54,15 @@ def end_by(number: int) -> NoReturn:
     raise SystemExit(128 + number)
 
 
+def stop_by(error: BaseException) -> Stop | None:
+    """The stop of the signal by which `end_by` raised `error`; None: something else raised it."""
+    if isinstance(error, KeyboardInterrupt):
+        return stop_of(signal.SIGINT)
+    code = error.code if isinstance(error, SystemExit) else None
+    known = {128 + number: number for name in NAMES if (number := getattr(signal, name, 0))}
+    return stop_of(known[code]) if isinstance(code, int) and code in known else None
+
+
 @contextmanager
 def leave_on_signals(say: Callable[[str], None]) -> Iterator[None]:
     """While inside, a signal of NAMES, or SIGINT, leaves every context and then the program.

@@ -194,7 +194,7 @@ class Watcher:
             self._kill = lambda: None  # a driver that holds a thread lets go when it likes
 
     def __enter__(self) -> Self:
-        with signals_held():
+        with signals_held(ending=True):
             self._worker.start()
         until_s = time.monotonic() + self._patience_s
         try:

@@ -100,7 +100,17 @@ class BangError(Exception):
     outcome = "link lost"
 
 
-@pytest.mark.parametrize("error", [ValueError("a mistake"), BangError("gone"), KeyboardInterrupt()])
+@pytest.mark.parametrize(
+    "error",
+    [
+        ValueError("a mistake"),
+        BangError("gone"),
+        KeyboardInterrupt(),
+        SystemExit(128 + signal.SIGTERM),  # of `rig.loop.signals.leave_on_signals`
+        SystemExit(3),
+    ],
+    ids=str,
+)
 def test_an_exception_anywhere_in_a_tick_leaves_no_volts(error: BaseException):
     class Bad(Operator):
         def act(self, reading, wanted_m_s2):
@@ -116,7 +126,9 @@ def test_an_exception_anywhere_in_a_tick_leaves_no_volts(error: BaseException):
     safe(table, FAULT_S, level=True)
     told = ending_of(error)
     outcomes = {ValueError: "aborted", BangError: "link lost", KeyboardInterrupt: "interrupted"}
-    assert told.outcome == outcomes[type(error)]
+    ended = "interrupted" if str(error) == "143" else "aborted"
+    assert told.outcome == outcomes.get(type(error), ended)
+    assert (told.reason == "SIGTERM from the system") == (str(error) == "143")
 
 
 def test_a_table_that_cannot_be_driven_any_more_tells_its_first_error():
