@@ -48,13 +48,16 @@ def write_findings(
 ) -> Path:
     """Write all files of an analysis in `folder`, and return the path of the page gap.html.
 
-    These are results.json, the extended model as rig.toml (where something was added), and the page
-    with its figures. names: of the logs; rig_file: the one that was given; of: the other arguments
-    of `write_gap_report`. OSError: the folder cannot be written.
+    These are results.json, the extended model as rig.toml (where something was added, else one of
+    an earlier analysis is removed), and the page with its figures. names: of the logs; rig_file:
+    the one that was given; of: the other arguments of `write_gap_report`. OSError: the folder
+    cannot be written.
     """
     write_results(folder, found.to_json())
     if found.rig_after is not None and (found.effects or found.unknown):
         write_rig(found.rig_after, folder / "rig.toml")
+    else:
+        (folder / "rig.toml").unlink(missing_ok=True)
     return write_gap_report(found, folder, names=names, rig_file=rig_file, **of)
 
 

@@ -1,6 +1,7 @@
 """A lab's own effects in run folders, on the command line and in the report."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -84,6 +85,9 @@ def test_the_report_tells_its_units_and_its_rig_file_is_read_again(rig_file: Pat
     assert any("angle 11" in line and "deg" in line for line in summary_lines(found))
     rows = beside_rows(found_values(found), {}, None, found.known)
     assert rows[1][2].endswith("deg")
+    nothing = replace(found, verdict="nothing-missing", effects=(), rig_after=None)
+    write_findings(nothing, tmp_path / "gap", names=["a"], rig_file=rig_file)
+    assert not (tmp_path / "gap" / "rig.toml").exists(), "of an earlier analysis"
 
 
 def test_rig_effects_lists_those_of_a_rig_file(rig_file: Path, capsys):
