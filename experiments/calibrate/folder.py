@@ -24,6 +24,7 @@ from experiments.records.recording import lock
 from experiments.records.run_folder import writable
 from experiments.runs.assemble import known, load_rig
 from experiments.runs.hardware import is_hardware
+from rig.files import freed
 from rig.parameters import Rig, Servo, torque_per_volt
 from rig.rigfile import read_rig, refuse_own, write_rig
 
@@ -129,7 +130,7 @@ def _alone(folder: Path) -> Iterator[None]:
     """The folder without another program that calibrates in it, where the disk has locks; a moment
     is waited for it.
     """
-    with (folder / LOCK_FILE).open("a") as file:
+    with freed(folder / LOCK_FILE).open("a") as file:
         while not lock(file.fileno()):
             time.sleep(0.01)
         yield

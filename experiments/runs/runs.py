@@ -13,6 +13,7 @@ from experiments.runs.assemble import virtual_renderer
 from experiments.runs.own_run import run_own
 from experiments.runs.protocol import OWN, Protocol
 from experiments.runs.runner import FinishedRun, RunRequest, run
+from rig.files import freed
 from rig.parameters import Rig
 
 LOCK_FILE = ".camera.lock"
@@ -51,7 +52,7 @@ def own_calibration(rig: Rig, out: Path, seed: int) -> Iterator[Path]:
     """
     _place(out)  # before the folder is touched
     out.mkdir(parents=True, exist_ok=True)
-    with (out / LOCK_FILE).open("a") as file:
+    with freed(out / LOCK_FILE).open("a") as file:
         if not lock(file.fileno()):
             raise ValueError(
                 f"{out}: another program makes runs through frames there, with a calibration.json "

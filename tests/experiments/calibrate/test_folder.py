@@ -59,3 +59,19 @@ def test_a_program_that_writes_is_waited_for(tmp_path: Path):
         assert not (tmp_path / FILE).exists()
     keeps.join(20.0)
     assert load_draft(tmp_path / FILE).timing == TIMING
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes of POSIX")
+def test_a_pipe_or_a_link_in_the_place_of_the_lock_is_removed(tmp_path: Path):
+    """A folder may be somebody else's: a pipe was waited for, a link's target was made."""
+    for i in range(2):
+        where, elsewhere = tmp_path / f"{i}", tmp_path / "elsewhere"
+        folder = CalibrationFolder(where, "simulated", Rig())
+        where.mkdir(exist_ok=True)
+        if i:
+            os.mkfifo(where / LOCK_FILE)
+        else:
+            (where / LOCK_FILE).symlink_to(elsewhere)
+        folder.keep("timing", timing=TIMING)
+        assert load_draft(where / FILE).timing == TIMING
+        assert not elsewhere.exists()
