@@ -5,7 +5,7 @@ frames; 3 a statistical camera fitted to them; 4 with it Figs. 7 and 8, paired r
 claims (other units of the same kind) and the grid of play; 5 figures, results.json, report.html.
 """
 
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from dataclasses import replace
 from itertools import product
 from os import cpu_count
@@ -37,7 +37,7 @@ from experiments.runs.runner import (
     simulate_run,
     simulate_runs,
 )
-from experiments.runs.runs import calibrate_camera
+from experiments.runs.runs import own_calibration
 from rig.parameters import Rig
 from rig.simulation.simulate import Simulated
 
@@ -62,16 +62,16 @@ def reproduce(
     rig: the virtual table; seed: of everything that is drawn; frames: the runs of Figs. 10 to 14
     through rendered camera frames; pairs: paired seeds of each claim; grid_pairs: of each cell of
     play. KeyboardInterrupt: unfinished runs are completed and the interruption is raised again.
-    ValueError: a protocol that the rig cannot run, or too few frames with the ball; OSError: `out`
-    cannot be written.
+    ValueError: a protocol that the rig cannot run, too few frames with the ball, or another program
+    that makes runs through frames in `out`; OSError: `out` cannot be written.
     """
-    bundle = calibrate_camera(rig, out, seed) if frames else None
-    progress("camera calibrated", 1, 1)
-    try:
-        study, pairs_seen = _figure_runs(rig, out, seed, bundle, progress)
-    except KeyboardInterrupt:
-        mend_unfinished(out / "runs")
-        raise
+    with own_calibration(rig, out, seed) if frames else nullcontext() as bundle:
+        progress("camera calibrated", 1, 1)
+        try:
+            study, pairs_seen = _figure_runs(rig, out, seed, bundle, progress)
+        except KeyboardInterrupt:
+            mend_unfinished(out / "runs")
+            raise
     fitted = fit_camera(rig, pairs_seen) if frames else rig
     study |= _simulated_figures(fitted, out, seed)
     table, paired_runs = _claim_runs(fitted, out, seed, pairs, progress)

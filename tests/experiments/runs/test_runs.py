@@ -4,6 +4,8 @@ from pathlib import Path
 
 import pytest
 
+from experiments.paper.reproduce import reproduce
+from experiments.records.recording import lock
 from experiments.runs import runs
 from experiments.runs.protocol import read_protocol
 from experiments.runs.runner import FinishedRun, RunRequest
@@ -38,3 +40,13 @@ def test_two_programs_do_not_use_one_calibration(tmp_path: Path, monkeypatch: py
     assert (drawn, refused) == ([1], [1, 2])
     go(seed=3)
     assert drawn == [1, 3]
+
+
+def test_a_study_does_not_share_its_calibration_either(tmp_path: Path):
+    """Another program's, of another ball, was used by the later of its runs through frames."""
+    (tmp_path / runs.LOCK_FILE).touch()
+    with (tmp_path / runs.LOCK_FILE).open("a") as held:
+        assert lock(held.fileno())
+        with pytest.raises(ValueError, match=r"another program makes runs .* name another --out"):
+            reproduce(Rig(), tmp_path)
+    assert [one.name for one in tmp_path.iterdir()] == [runs.LOCK_FILE]
