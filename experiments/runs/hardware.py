@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Self
 
 from experiments.records.run_folder import plain, replace_json
-from experiments.runs.live_eye import open_markers, watching
+from experiments.runs.live_eye import open_markers, real_calibration, watching
 from rig.hardware.camera.eye import CameraEye
 from rig.hardware.choose import OpenTable, check_drive, open_table
 from rig.hardware.homing.home import Homing, home
@@ -89,12 +89,13 @@ def plate_tilt(rig: Rig) -> Iterator[Callable[[float], tuple[float, float] | Non
 
     The function takes a time (not used) and returns sin(phi_x), sin(phi_y) of Eq. 14, or None
     before markers were seen; always None where the rig file names no camera. Frames are evaluated
-    in a process of their own: in this one they would hold the loop's interpreter. CameraStopped (an
-    OSError): no frame comes.
+    in a process of their own: in this one they would hold the loop's interpreter. ValueError,
+    OSError: the calibration cannot be used; CameraStopped (an OSError): no frame comes.
     """
     if not rig.table.camera:
         yield lambda t_s: None
         return
+    real_calibration(rig)  # its error as it is; of the process it is a line of words
     with watching(rig, open_markers, stall_s=TILT_STALL_S) as eye:
 
         def tilt(t_s: float) -> tuple[float, float] | None:

@@ -11,6 +11,7 @@ from experiments.doctor.doctor import BAD, examine
 from experiments.doctor.facts import gather
 from experiments.records.recording import write_run
 from experiments.runs.assemble import virtual_scene
+from experiments.runs.hardware import plate_tilt
 from experiments.runs.hardware_run import camera_late_s
 from experiments.runs.live_eye import open_ball, open_markers
 from rig.log import Log
@@ -79,6 +80,18 @@ def test_a_calibration_of_the_virtual_camera_is_none_of_a_real_one(tmp_path: Pat
     assert (
         gather(replace(rig, table=replace(rig.table, kind="simulated")), None).calibration is None
     )
+
+
+def test_homing_says_what_its_calibration_lacks_as_a_run_does(tmp_path: Path):
+    """It was told by the camera's process, with the name of the error's class, as failed work."""
+    rig = table(tmp_path)
+    file = Path(rig.table.calibration)
+    file.write_text(file.read_text().replace('"measured"', '"simulated"'))
+    with pytest.raises(ValueError, match=r"^[^:]*is of the virtual camera"), plate_tilt(rig):
+        pass
+    file.unlink()
+    with pytest.raises(FileNotFoundError), plate_tilt(rig):
+        pass
 
 
 def test_a_calibration_with_another_ball_is_refused(tmp_path: Path):
