@@ -29,6 +29,7 @@ from rig.parameters import Rig, Servo, torque_per_volt
 from rig.rigfile import read_rig, refuse_own, write_rig
 
 FILE, RIG_FILE, LOCK_FILE = "calibration.json", "rig.toml", ".lock"
+VIEW = ("lens", "plate")  # fields of a draft through which all else is seen
 NOT_YOURS = "this would measure the virtual table, not yours: name its frames or its runs"
 Source = Literal["measured", "simulated"]
 
@@ -83,7 +84,8 @@ class CalibrationFolder:
 
         data: files that the numbers came from, kept as fingerprints; pictures: that show it;
         warnings: kept and printed; records: fields of `calibration.bundle.Draft`, None to remove
-        one. OSError: the file cannot be written.
+        one. ValueError: another program measured the view meanwhile, by which this was measured;
+        OSError: the file cannot be written.
         """
         section = SectionRecord(
             made=_now(),
@@ -92,7 +94,14 @@ class CalibrationFolder:
             warnings=list(warnings),
         )
         with _alone(self.path):  # another program may have kept its section meanwhile
-            self.draft = self._read().with_section(name, section, **records)
+            now = self._read()
+            for part in VIEW:
+                if part not in records and getattr(now, part) != getattr(self.draft, part):
+                    raise ValueError(
+                        f"{self.path / FILE} has another {part} now, of another program: {name} "
+                        "was measured by the one before, and is not kept; measure it again"
+                    )
+            self.draft = now.with_section(name, section, **records)
             self.draft.save(self.path / FILE)
         for text in warnings:
             typer.echo(f"warning: {text}", err=True)

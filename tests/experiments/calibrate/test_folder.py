@@ -11,8 +11,11 @@ from calibration.bundle import load_draft
 from calibration.records import BacklashRecord, TimingRecord, Value
 from experiments.calibrate.folder import FILE, LOCK_FILE, RIG_FILE, CalibrationFolder
 from experiments.records.recording import lock
+from experiments.runs.assemble import virtual_scene
 from rig.parameters import Rig
 from rig.rigfile import read_rig
+from tests.support.exact_bundle import exact_bundle
+from vision.synthetic.synthetic import virtual_view
 
 TIMING = TimingRecord(
     delay_s=Value.around(0.01, 0.001), play_rad={"x": 0.0, "y": 0.0}, frames=9, source="markers"
@@ -46,6 +49,23 @@ def test_a_measured_and_a_simulated_calibration_begun_at_once_do_not_mix(tmp_pat
     with pytest.raises(ValueError, match="holds a simulated calibration, this one is measured"):
         other.keep("play", play=PLAY)
     assert load_draft(tmp_path / FILE).play is None
+
+
+def test_what_was_seen_through_another_lens_is_not_kept(tmp_path: Path):
+    """It stood beside a lens that another program measured meanwhile, and did not fit it."""
+    exact = exact_bundle(virtual_view(), virtual_scene(Rig()))
+    other_lens = exact.lens.model_copy(update={"rms_px": 0.1})
+    one, other = (CalibrationFolder(tmp_path, "simulated", Rig()) for _ in range(2))
+    one.keep("lens", lens=exact.lens, plate=None)
+    with pytest.raises(ValueError, match=r"has another lens now, .* measure it again"):
+        other.keep("plate", plate=exact.plate)
+    assert load_draft(tmp_path / FILE).plate is None
+    one.keep("plate", plate=exact.plate)
+    third = CalibrationFolder(tmp_path, "simulated", Rig())
+    one.keep("lens", lens=other_lens, plate=None)
+    with pytest.raises(ValueError, match="has another lens now"):
+        third.keep("timing", timing=TIMING)
+    assert load_draft(tmp_path / FILE).timing is None
 
 
 @pytest.mark.skipif(os.name == "nt", reason="locks of POSIX")
