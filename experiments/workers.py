@@ -1,6 +1,7 @@
 """The same work on many inputs: in processes of this machine, or in those of a Dask cluster."""
 
 from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import CancelledError
 from itertools import islice
 from os import cpu_count
 from typing import Any, TypeVar
@@ -23,8 +24,8 @@ def results_of(
 
     jobs: processes (default: one for each core; 1: this process alone); cluster: address of a Dask
     scheduler instead. `calls` may be a generator: it is asked for no more than two calls a
-    process ahead. ValueError: Dask is not installed, or no scheduler answers there. An exception of
-    `function` is raised again.
+    process ahead. ValueError: Dask is not installed, or no scheduler answers there; OSError: it is
+    gone in the midst of the work. An exception of `function` is raised again.
     """
     if cluster is not None:
         yield from _on_cluster(function, calls, cluster)
@@ -56,6 +57,9 @@ def _on_cluster(function: Callable[..., T], calls: Iterable[tuple], address: str
             yield future.result()
             for call in islice(calls, 1):
                 running.add(client.submit(function, *call, pure=False))
+    except CancelledError:  # of all calls, as the scheduler knows none of them any more
+        gone = f"--cluster {address}: the scheduler is gone; what was done is kept, call again"
+        raise OSError(gone) from None
     finally:
         client.close()
 

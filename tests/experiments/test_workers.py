@@ -1,10 +1,16 @@
 """Work in processes: an interruption leaves them without a word of theirs."""
 
+import json
 import subprocess
 import sys
+import time
 from pathlib import Path
 
+import pytest
+
+from experiments.workers import results_of
 from tests.support import ROOT
+from tests.support.waiting import wait_for
 
 INTERRUPTED = """
 import _thread, sys, threading, time
@@ -36,3 +42,27 @@ def test_an_interruption_ends_the_processes_and_nothing_else_is_said(tmp_path: P
         timeout=50,
     )
     assert (done.stdout, done.stderr) == ("interrupted\n", "")
+
+
+def test_a_scheduler_that_vanishes_in_the_midst_is_told_in_one_line(tmp_path: Path):
+    pytest.importorskip("distributed")
+    said = tmp_path / "scheduler.json"
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "cwd": tmp_path}
+    dask = [sys.executable, "-m", "distributed.cli.dask_scheduler"]
+    begin = [*dask, "--port", "0", "--no-dashboard", "--host", "127.0.0.1"]
+    scheduler = subprocess.Popen([*begin, "--scheduler-file", str(said)], **quiet)
+    dask = [sys.executable, "-m", "distributed.cli.dask_worker", "--scheduler-file", str(said)]
+    options = ["--nthreads", "1", "--no-nanny", "--no-dashboard"]
+    worker = subprocess.Popen([*dask, *options], **quiet)
+    try:
+        wait_for("the scheduler", said.exists)
+        address = json.loads(said.read_text())["address"]
+        found = results_of(time.sleep, [(0.2,)] * 100, cluster=address)
+        next(found)
+        scheduler.kill()
+        with pytest.raises(OSError, match="the scheduler is gone; what was done is kept"):
+            list(found)
+    finally:
+        for process in (scheduler, worker):
+            process.kill()
+            process.wait(30.0)
