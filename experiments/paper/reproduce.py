@@ -69,7 +69,7 @@ def reproduce(
         progress("camera calibrated", 1, 1)
         try:
             study, pairs_seen = _figure_runs(rig, out, seed, bundle, progress)
-        except KeyboardInterrupt:
+        except (KeyboardInterrupt, SystemExit):  # Ctrl-C, or a signal that ends the program
             mend_unfinished(out / "runs")
             raise
     fitted = fit_camera(rig, pairs_seen) if frames else rig

@@ -50,3 +50,18 @@ def test_a_study_does_not_share_its_calibration_either(tmp_path: Path):
         with pytest.raises(ValueError, match=r"another program makes runs .* name another --out"):
             reproduce(Rig(), tmp_path)
     assert [one.name for one in tmp_path.iterdir()] == [runs.LOCK_FILE]
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt(), SystemExit(143)], ids=repr)
+def test_unfinished_runs_are_completed_however_the_study_is_ended(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: BaseException
+):
+    def ended(*_: object):
+        raise error
+
+    mended = []
+    monkeypatch.setattr("experiments.paper.reproduce._figure_runs", ended)
+    monkeypatch.setattr("experiments.paper.reproduce.mend_unfinished", mended.append)
+    with pytest.raises(type(error)):
+        reproduce(Rig(), tmp_path, frames=False)
+    assert mended == [tmp_path / "runs"]
