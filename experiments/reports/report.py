@@ -20,15 +20,18 @@ from rig.files import write_ours
 
 @dataclass(frozen=True)
 class Picture:
-    """A picture of a page: its PNG file, and a caption that says what to see in it."""
+    """A picture of a page: its PNG file, and a caption that says what to see in it.
+
+    png: the file's content in base64, as it was when the picture was made: another program that
+    writes into the folder may replace it before the page is written. OSError: it cannot be read.
+    """
 
     path: Path
     caption: str
+    png: str = field(init=False, repr=False)
 
-    @property
-    def png(self) -> str:
-        """The file's content in base64. OSError: it cannot be read."""
-        return base64.b64encode(self.path.read_bytes()).decode()
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "png", base64.b64encode(self.path.read_bytes()).decode())
 
 
 @dataclass(frozen=True)
