@@ -21,6 +21,9 @@ class Column(NamedTuple):
     meaning: str
 
 
+OTHER_CLOCK_S = 60.0  # chosen: no camera is as late
+
+
 class Phase(IntEnum):
     """What the run was doing in a row, as stored in the column `phase`."""
 
@@ -148,11 +151,11 @@ class Log:
     def ball(self, delay_s: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
         """Return the times (k,) [s] and positions (k, 2) [m] of the new observations alone.
 
-        A time is the exposure's, `ball_exposed_s`; where that is no number, `t_s` of the tick in
-        which the observation became usable minus `delay_s` (the camera's delay [s]; 0 keeps the
-        tick's time). A row that repeats the position of the row before it is a held value, no new
-        observation, unless its `ball_exposed_s` differs. The position is NaN on an axis that the
-        log lacks.
+        A time is the exposure's, `ball_exposed_s`; where that is no number, or OTHER_CLOCK_S from
+        `t_s` and so of another clock, `t_s` of the tick in which the observation became usable
+        minus `delay_s` (the camera's delay [s]; 0 keeps the tick's time). A row that repeats the
+        position of the row before it is a held value, no new observation, unless its
+        `ball_exposed_s` differs. The position is NaN on an axis that the log lacks.
         """
         xy = self.rows[:, [INDEX["ball_x_m"], INDEX["ball_y_m"]]]
         exposed = self["ball_exposed_s"]
@@ -160,7 +163,8 @@ class Log:
         same = (xy[1:] == xy[:-1]) | (np.isnan(xy[1:]) & np.isnan(xy[:-1]))
         held = same.all(axis=1) & (np.isnan(exposed[1:]) | (exposed[1:] == exposed[:-1]))
         new = seen & ~np.concatenate(([False], held))[: len(self)]
-        times = np.where(np.isfinite(exposed), exposed, self["t_s"] - delay_s)
+        told = np.abs(exposed - self["t_s"]) < OTHER_CLOCK_S
+        times = np.where(told, exposed, self["t_s"] - delay_s)
         return times[new], xy[new]
 
 

@@ -19,7 +19,6 @@ def check_rows(log: Log) -> None:
         check_finite(name, log[name])
     if len(log) > 1:
         check_clock(log["t_s"])
-    check_exposures(log["ball_exposed_s"], log["t_s"])
     for name in BALL:
         most = float(np.nanmax(np.abs(log[name]), initial=0.0))
         if most > MAX_POSITION_M:
@@ -64,17 +63,6 @@ def check_clock(t_s: np.ndarray) -> None:
         raise ValueError(
             f"t_s jumps by {pause_s:.4g} s after row {longest + 1} (limit: {MAX_PAUSE_S:g} s), as "
             "where a clock was set: cut the log there"
-        )
-
-
-def check_exposures(exposed_s: np.ndarray, t_s: np.ndarray) -> None:
-    """ValueError where an exposure (n,) [s] lies too far from the row (n,) [s] that tells it."""
-    away_s = np.where(np.isfinite(exposed_s), np.abs(exposed_s - t_s), 0.0)
-    bad = np.flatnonzero(away_s > MAX_PAUSE_S)
-    if len(bad):
-        raise ValueError(
-            f"ball_exposed_s lies {away_s[bad[0]]:.4g} s from t_s in {which(bad)} (limit: "
-            f"{MAX_PAUSE_S:g} s): is it of another clock? then blank it"
         )
 
 

@@ -11,7 +11,7 @@ from experiments.reports.report_runs import report_runs
 from rig.log import COLUMNS, INDEX, Log
 
 
-@pytest.mark.parametrize("ahead_s", [5.0, 1e9, np.inf])
+@pytest.mark.parametrize("ahead_s", [5.0, 1e9, 1e308, np.inf])
 def test_light_that_hit_the_sensor_in_the_future(tmp_path: Path, ahead_s: float):
     rows = np.random.default_rng(0).normal(0.0, 0.01, (500, len(COLUMNS)))
     rows[:, 0] = 0.002 * np.arange(500)
