@@ -10,11 +10,12 @@ from math import inf
 
 import numpy as np
 
+from calibration.gap import hands
 from calibration.gap.agreement import sentences, sizes_by_log
 from calibration.gap.decision_rule import RIVAL_MARGIN
 from calibration.gap.findings import Findings, Gap, Leftover, Named, ProofRow, Step
 from calibration.gap.locate.locate import locate
-from calibration.gap.model.data import gather, usable
+from calibration.gap.model.data import Evidence, gather, usable
 from calibration.gap.model.fit import evaluate
 from calibration.gap.model.intervals import deviations
 from calibration.gap.model.state import State, at_noise, plain
@@ -83,23 +84,26 @@ def investigate(
     if until not in STAGES:
         raise ValueError(f"stage '{until}'; known: {', '.join(STAGES)}")
     report = progress or (lambda stage, done, total: None)
-    report("baseline", 0, 1)
-    evidence = gather(usable_runs(logs, rig), levels_of(rig), threads=threads)
     tolerances = {**rig.tolerances, **(tolerances or {})}
-    nominal = choose_friction_model(evidence, rig, tolerances)
-    slow = creeping_servos(evidence, nominal)
-    evidence = replace(evidence, masks={p: m * (p not in slow) for p, m in evidence.masks.items()})
+    runs = usable_runs(logs, rig)
+
+    def begun(runs: Sequence[Signals]) -> tuple[State, tuple[str, ...]]:
+        return _begun(gather(runs, levels_of(rig), threads=threads), rig, tolerances)
+
+    report("baseline", 0, 1)
+    still, slow = begun(runs)
     notes += tuple(f"{p.replace('_', ' ')} only creeps: its volts are not judged" for p in slow)
-    still = State(evidence, nominal, evaluate(evidence, nominal, {}, evidence.outputs))
     lacking = findings_of_decision.enough_motion(still)
     if lacking:
         return Investigation(_too_little_motion(still, lacking, notes))
-    before = settled_baseline(evidence, nominal)
-    report("baseline", 1, 1)
-    steps = len(NamingStep)
-    decision, refuted = decide_by_proof(before, lambda k, what: report(f"name: {what}", k, steps))
+    decision, refuted = _decided(still, report)
+    touches = hands.touches(decision)
+    if touches and (rest := hands.let_go(runs, touches)):
+        of_rest, more = _decided(begun(rest)[0], report)
+        if hands.counts(of_rest):
+            decision, refuted = of_rest, (hands.note(touches), *more)
     notes += refuted
-    report("name", steps, steps)
+    report("name", len(NamingStep), len(NamingStep))
     report("add and prove", 0, 1)
     found = _findings(decision, until, notes, quick=quick)
     if not quick and until != "locate":
@@ -108,6 +112,26 @@ def investigate(
         found = replace(found, by_log=by_log, notes=told)
     report("add and prove", 1, 1)
     return Investigation(found, decision)
+
+
+def _begun(
+    evidence: Evidence, rig: Rig, tolerances: Mapping[str, float]
+) -> tuple[State, tuple[str, ...]]:
+    """The nominal model on the evidence, nothing fitted, and the servos that only creep, which
+    weigh nothing in it."""
+    nominal = choose_friction_model(evidence, rig, tolerances)
+    slow = creeping_servos(evidence, nominal)
+    evidence = replace(evidence, masks={p: m * (p not in slow) for p, m in evidence.masks.items()})
+    fit = evaluate(evidence, nominal, {}, evidence.outputs)
+    return State(evidence, nominal, fit), tuple(slow)
+
+
+def _decided(still: State, report: Progress) -> tuple[Decision, tuple[str, ...]]:
+    """`decide_by_proof` from the nominal model, before anything is fitted."""
+    before = settled_baseline(still.evidence, still.nominal)
+    report("baseline", 1, 1)
+    steps = len(NamingStep)
+    return decide_by_proof(before, lambda k, what: report(f"name: {what}", k, steps))
 
 
 def usable_runs(logs: Sequence[Log], rig: Rig) -> list[Signals]:

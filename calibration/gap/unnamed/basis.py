@@ -48,7 +48,8 @@ class UnnamedTerm:
     """An unnamed term: its output, its kind (map, speed, rhythm, segment, turning, slipping or
     pushes), score, coefficients (`unknown`), and the state with it in its model, not yet predicted
     with it (`plain` is without). The model cannot hold the last three: their `unknown` and state
-    are those without, and `felt_m_s2` is their RMS by axis. `windows_s`: of pushes, when."""
+    are those without, and `felt_m_s2` is their RMS by axis. `windows_s`: of pushes, when, and
+    `runs`: in which run."""
 
     output: str
     kind: str
@@ -56,6 +57,7 @@ class UnnamedTerm:
     unknown: Discrepancy
     state: State
     windows_s: tuple[tuple[float, float], ...] = ()
+    runs: tuple[int, ...] = ()
     felt_m_s2: tuple[float, float] = (0.0, 0.0)
 
     @property
@@ -341,12 +343,13 @@ def _pushes(
     state: State, nuisance: tuple, answer: np.ndarray, found: list[tuple[int, int]]
 ) -> UnnamedTerm:
     """Pushes of the ball at several times, each of its own size."""
-    t = state.evidence.times(BALL)[0][::2]
+    t, run = (column[::2] for column in state.evidence.times(BALL))
     forces = np.zeros((len(t), 2, 2 * len(found)))
     for k, (first, end) in enumerate(found):
         forces[first:end, [0, 1], [2 * k, 2 * k + 1]] = 1.0
     term = _along(state, nuisance, "pushes", forces, answer, searched=SEARCH_PENALTY * len(found))
-    return replace(term, windows_s=tuple((float(t[i]), float(t[j - 1])) for i, j in found))
+    windows_s = tuple((float(t[i]), float(t[j - 1])) for i, j in found)
+    return replace(term, windows_s=windows_s, runs=tuple(int(run[i]) for i, _ in found))
 
 
 def _along(

@@ -37,7 +37,7 @@ def describe(term: UnnamedTerm) -> str:
             f"{scale * _largest(u, side, 'rhythm'):.2g} {unit}"
         ),
         "turning": lambda: "a force that turns with the ball, as of one that is heavier on a side",
-        "pushes": lambda: f"pushes {_times(term.windows_s)}",
+        "pushes": lambda: f"pushes {when(term.windows_s)}",
         "slipping": lambda: "a force as of a ball that slips where the plate is steep",
         "segment": lambda: (
             f"from {getattr(u, f'{side}_segment_s')[0]:.1f} to "
@@ -48,7 +48,7 @@ def describe(term: UnnamedTerm) -> str:
     return words[term.kind]()
 
 
-def _times(windows_s: tuple[tuple[float, float], ...]) -> str:
+def when(windows_s: tuple[tuple[float, float], ...]) -> str:
     """When, in words: the first few windows."""
     told = ", ".join(f"{begin:.1f} to {end:.1f}" for begin, end in windows_s[:MOST_TOLD])
     more = f" s and {len(windows_s) - MOST_TOLD} more" if len(windows_s) > MOST_TOLD else " s"

@@ -24,6 +24,8 @@ WORLDS = {
         tables.falling_joint,
         tables.coasting_gears,
         tables.bowl,
+        tables.touched_bowl,
+        tables.touched_crooked,
         tables.walls,
         tables.five_runs,
         positions.late_camera_100ms_at_30hz,

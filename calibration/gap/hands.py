@@ -1,0 +1,79 @@
+"""A hand at the ball: what it did is told, and the rest of the recording is asked without it.
+
+A recording that somebody touched holds two things that are not the model: the hand, and what the
+model lacks. The first shows as short pushes at several times (`calibration.gap.unnamed.forces`).
+Nothing can be proved beside it: a prediction that a hand spoils is as wrong with a name as without.
+So what was seen during the pushes is left out, as it is where a recording tells of them, and the
+rest is asked anew. Its answer counts where its model predicts the rest better 1 s ahead, for
+certain; if not, that on the whole stands.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from calibration.gap.decision_rule import SURE_Z
+from calibration.gap.held_out import gained, held_out
+from calibration.gap.name.decide import Decision
+from calibration.gap.unnamed.basis import WINDOWS_S, UnnamedTerm
+from calibration.gap.unnamed.wording import when
+from rig.prediction.innovations import Signals
+
+# Chosen: longer than a hand takes to catch a ball, push it or put it back, shorter than wind lasts.
+LONGEST_S = 3.0
+MARGIN_S = WINDOWS_S[0]  # the shortest push that is looked for: begins and ends are no surer
+FEWEST = 0.5  # share of the exposures that has to be left; chosen
+
+
+def touches(decision: Decision) -> UnnamedTerm | None:
+    """The short ones of the pushes that a decision left without a name; None: there are none."""
+    term = decision.unnamed
+    if term is None or term.kind != "pushes":
+        return None
+    short = [
+        (window, run)
+        for window, run in zip(term.windows_s, term.runs, strict=True)
+        if window[1] - window[0] < LONGEST_S
+    ]
+    windows, runs = zip(*short, strict=True) if short else ((), ())
+    return replace(term, windows_s=windows, runs=runs) if short else None
+
+
+def let_go(runs: Sequence[Signals], term: UnnamedTerm) -> list[Signals]:
+    """The runs without the exposures of the pushes; none where too few would be left."""
+    found = []
+    for i, run in enumerate(runs):
+        own = [w for w, of in zip(term.windows_s, term.runs, strict=True) if of == i]
+        found.append(_without(run, own))
+    before, after = (sum(len(run.exposed_s) for run in some) for some in (runs, found))
+    return found if after >= FEWEST * before else []
+
+
+def _without(run: Signals, windows_s: Sequence[tuple[float, float]]) -> Signals:
+    """The run without what was seen in some windows, after which the ball's filter starts anew."""
+    t = run.exposed_s
+    touched = np.zeros(len(t), bool)
+    for begin, end in windows_s:
+        touched |= (t > begin - MARGIN_S) & (t < end + MARGIN_S)
+    fresh = np.zeros(len(t), bool) if run.fresh is None else run.fresh.copy()
+    fresh[1:] |= touched[:-1] & ~touched[1:]
+    kept = ~touched
+    return replace(run, exposed_s=t[kept], ball_m=run.ball_m[kept], fresh=fresh[kept])
+
+
+def counts(rest: Decision) -> bool:
+    """Whether the model of the decision on the rest predicts it better than the one as it came."""
+    outputs = rest.state.evidence.outputs
+    before = replace(rest.naming.before, evidence=rest.state.evidence)
+    without, with_it = held_out(before, outputs), held_out(rest.state, outputs)
+    for output in without:
+        d, se = gained(without[output], with_it[output])
+        if d > SURE_Z * se:
+            return True
+    return False
+
+
+def note(term: UnnamedTerm) -> str:
+    """What was left out, in words."""
+    return f"the ball was pushed {when(term.windows_s)}, as by a hand: left out"

@@ -1,0 +1,85 @@
+"""Hands at the ball that nobody recorded: what they did is left out, the rest is asked anew."""
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from calibration.gap import hands, investigate
+from calibration.gap.unnamed.basis import UnnamedTerm
+from rig.log import Log
+from rig.prediction.innovations import Signals
+from rig.rigfile import read_rig
+from tests.support.worlds import WORLDS
+
+T_S = 0.05 * np.arange(400)  # 20 s
+
+
+def run(**more) -> Signals:
+    none = np.zeros((0, 2))
+    ball = np.column_stack([np.sin(T_S), np.cos(T_S)])
+    return Signals(np.zeros(0), none, none, T_S, ball, **more)
+
+
+def pushes(windows_s, runs=None, kind: str = "pushes") -> UnnamedTerm:
+    of = tuple(runs or (0,) * len(windows_s))
+    return UnnamedTerm("ball", kind, 99.0, None, None, tuple(windows_s), of)  # pyright: ignore
+
+
+def decision(term: UnnamedTerm | None) -> Any:
+    return SimpleNamespace(unnamed=term)
+
+
+def test_short_pushes_are_a_hands():
+    term = pushes([(1.0, 1.5), (4.0, 14.0), (15.0, 17.0)])
+    found = hands.touches(decision(term))
+    assert found is not None
+    assert found.windows_s == ((1.0, 1.5), (15.0, 17.0))
+    assert found.runs == (0, 0)
+
+
+@pytest.mark.parametrize(
+    "term", [None, pushes([(4.0, 14.0)]), pushes([(1.0, 1.5)], kind="turning"), pushes([])]
+)
+def test_what_lasts_or_is_no_push_is_no_hand(term):
+    assert hands.touches(decision(term)) is None
+
+
+def test_what_was_seen_during_the_pushes_is_left_out_and_the_filter_starts_anew_behind_them():
+    (left,) = hands.let_go([run()], pushes([(5.02, 6.02), (12.02, 12.52)]))
+    kept = (T_S < 4.72) | ((T_S > 6.32) & (T_S < 11.72)) | (T_S > 12.82)
+    np.testing.assert_allclose(left.exposed_s, T_S[kept])
+    assert left.fresh is not None
+    np.testing.assert_allclose(left.exposed_s[left.fresh], [6.35, 12.85])
+    np.testing.assert_array_equal(left.ball_m[:, 0], np.sin(left.exposed_s))
+    assert len(left.fresh) == len(left.exposed_s)
+
+
+def test_a_push_is_of_its_run_alone():
+    fresh = np.zeros(400, bool)
+    fresh[100] = True
+    one, other = hands.let_go([run(), run(fresh=fresh)], pushes([(5.0, 6.0)], [1]))
+    assert len(one.exposed_s) == 400
+    assert len(other.exposed_s) < 400
+    assert other.fresh is not None
+    np.testing.assert_allclose(other.exposed_s[other.fresh], [6.3])
+
+
+def test_a_ball_that_is_pushed_most_of_the_time_is_not_let_go():
+    windows = [(3.0 * k, 3.0 * k + 1.5) for k in range(6)]
+    assert hands.let_go([run()], pushes(windows)) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("world", "name"), [("touched_bowl", "plate_bowl")])
+def test_an_effect_is_found_though_a_hand_pushes_the_ball(world: str, name: str, tmp_path: Path):
+    """Beside the pushes nothing could be proved, and they were all that was told."""
+    columns, rig, _ = WORLDS[world](3803)
+    (tmp_path / "rig.toml").write_text(rig, "utf-8")
+    found = investigate([Log.from_columns(columns)], read_rig(tmp_path / "rig.toml")).findings
+    assert found.verdict == "named", found.sentence
+    assert [one.name for one in found.effects] == [name]
+    assert any(note.startswith("the ball was pushed from ") for note in found.notes)
+    assert found.gap.ahead_1s_mm["after"] < 0.7 * found.gap.ahead_1s_mm["before"]
