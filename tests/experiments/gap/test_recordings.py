@@ -103,8 +103,8 @@ def test_commanded_angles_need_a_rig_file_that_says_so(tmp_path: Path):
 def test_commanded_angles_give_the_lateness_of_both_axes(which: int, tmp_path: Path):
     """Lag and dead time together 0.09 to 0.13 s, by axis; the level of y where it is named.
 
-    Hands push the ball in the first half, which no model predicts 1 s ahead. What lowers its error
-    below 0.75 of that without names is a rolling resistance of four times that of the other half.
+    Hands push the ball in the first half: what was seen meanwhile is left out
+    (`calibration.gap.hands`), and the rest tells what the other half does.
     """
     found = investigate([*half_as_told(which, tmp_path)[:1]], tmp_path / "rig.toml", until="prove")
     assert found.verdict in ("named", "undecided"), found.sentence
@@ -119,7 +119,7 @@ def test_commanded_angles_give_the_lateness_of_both_axes(which: int, tmp_path: P
     if "level_offset" in sizes:
         assert 0.005 < sizes["level_offset"]["y"]["slope_rad"].value < 0.009
     ahead = found.gap.ahead_1s_mm
-    assert ahead["after"] < (0.85 if which == 1 else 0.75) * ahead["before"]
+    assert ahead["after"] < 0.5 * ahead["before"]
     resistance = sizes.get("rolling_resistance", {}).get("xy", {}).get("deceleration_m_s2")
     assert resistance is None or resistance.value < 0.03
 
