@@ -76,6 +76,8 @@ def _crossings(t: np.ndarray, x: np.ndarray) -> np.ndarray:
     Not the mean of all: the integral still drifts while the ball cycles. With hysteresis: a turning
     point counts once x has come back from it by eight standard deviations of the noise left after
     smoothing over 0.1 s, and by 0.6 RMS about a straight line (a sine comes back by 2.8 RMS).
+    Before the first turning point and behind the last one the middle is that of the nearest two: a
+    swing is whole from one passage to the next but one, whether or not its turning point is seen.
     """
     width = max(1, round(SMOOTH_S / float(np.median(np.diff(t)))))
     kernel = np.ones(width) / width
@@ -83,13 +85,27 @@ def _crossings(t: np.ndarray, x: np.ndarray) -> np.ndarray:
     line = np.polynomial.polynomial.polyfit(t - t[0], x, 1)
     rest = np.std(x - np.polynomial.polynomial.polyval(t - t[0], line))
     turns = _turning_points(x_s, max(8 * noise_std(x) / sqrt(width), 0.6 * float(rest)))
-    times = []
-    for a, b in pairwise(turns):
-        up = np.sign(x_s[b] - x_s[a]) * (x_s[a : b + 1] - (x_s[a] + x_s[b]) / 2)
-        i = int(np.argmax(up >= 0))  # from below to above its middle: i >= 1
-        share = up[i - 1] / (up[i - 1] - up[i])
-        times.append(t_s[a + i - 1] + share * (t_s[a + i] - t_s[a + i - 1]))
-    return np.array(times)
+    if len(turns) < 2:
+        return np.array([])
+    middles = [(x_s[a] + x_s[b]) / 2 for a, b in pairwise(turns)]
+    times = [
+        _passage(t_s[a : b + 1], x_s[a : b + 1] - middle)
+        for (a, b), middle in zip(pairwise(turns), middles, strict=True)
+    ]
+    first, last = turns[0], turns[-1]
+    times.insert(0, _passage(t_s[first::-1], x_s[first::-1] - middles[0]))
+    times.append(_passage(t_s[last:], x_s[last:] - middles[-1]))
+    return np.array([time for time in times if time is not None])
+
+
+def _passage(t: np.ndarray, x: np.ndarray) -> float | None:
+    """When x (n,), which begins on one side of 0, is first on the other; None: it never is."""
+    beyond = np.sign(x[0]) * x <= 0
+    i = int(np.argmax(beyond))
+    if not beyond[i]:
+        return None
+    share = x[i - 1] / (x[i - 1] - x[i])
+    return float(t[i - 1] + share * (t[i] - t[i - 1]))
 
 
 def _turning_points(x: np.ndarray, back: float) -> list[int]:

@@ -167,6 +167,18 @@ def test_too_few_cycles_and_moving_targets_have_a_reason():
     assert m.error_rms_m == 0
 
 
+def test_a_swing_is_whole_from_passage_to_passage():
+    """2.2 periods with two whole swings between passages, of which not all turning points show that
+    bound them, as in the default run of 16 s."""
+    t = np.arange(0.0, 2.2 * 3.0, 1 / 60)
+    noise = 0.0003 * np.random.default_rng(1).standard_normal((len(t), 2))
+    swings = 0.009 * np.sin(2 * np.pi * (t / 3.0 - 0.1))
+    for cycle in limit_cycle(samples(t, swings[:, None] + noise)):
+        assert cycle.cycles == 2
+        assert cycle.period_s == pytest.approx(3.0, rel=0.05)
+        assert cycle.amplitude_m == pytest.approx(0.009, rel=0.05)
+
+
 def test_the_default_table_cycles_alike_however_long_it_is_watched():
     short, long = (run_metrics(simulated(1, seconds=t)) for t in (30.0, 60.0))
     for a, b in zip(short.cycle, long.cycle, strict=True):
