@@ -7,10 +7,11 @@ from math import degrees, isfinite, nan
 import numpy as np
 
 from experiments.analysis.limit_cycle import FEW, TOLD
-from experiments.analysis.numbers import Recorded, measures
+from experiments.analysis.numbers import Recorded, found_no_play, measures
 from experiments.analysis.statistics import mean_difference, mean_interval
 
 ALIKE = 1.1  # chosen: what differs by less is said to be alike
+SAME = "about the same"
 HEAD = ("", "without", "with", "with, against without")
 
 
@@ -69,7 +70,7 @@ def ratio_words(without: float, with_: float) -> str:
         return ""
     ratio = with_ / without
     if 1 / ALIKE < ratio < ALIKE:
-        return "about the same"
+        return SAME
     return f"{1 / ratio:.1f} times smaller" if ratio < 1 else f"{ratio:.1f} times larger"
 
 
@@ -111,16 +112,22 @@ def comparison_sentence(without: Sequence[Recorded], with_: Sequence[Recorded]) 
     if not words:
         return ""
     nearer = {"smaller": "nearer to", "larger": "farther from"}
+    many = "one run of each" if len(without) == len(with_) == 1 else "mean of the runs"
+    told = f"RMS {part_words([*without, *with_])}, {many}"
+    if words == SAME and all(found_no_play(run.metrics) for run in with_):
+        return (
+            "Play compensation found no play in this table, so runs with and without it are alike: "
+            f"{b:.2f} and {a:.2f} cm from the target ({told})."
+        )
     said = "as near to"
-    if words != "about the same":
+    if words != SAME:
         times, _, way = words.rpartition(" ")
         said = f"{times} {nearer[way]}"
     sure = _sure(_values(without, one), _values(with_, one))
-    many = "one run of each" if len(without) == len(with_) == 1 else "mean of the runs"
     return (
         f"With play compensation the ball stays {said} its target"
         f"{' as without' if said == 'as near to' else ''}: {b:.2f} cm instead of {a:.2f} cm "
-        f"(RMS {part_words([*without, *with_])}, {many}{sure})."
+        f"({told}{sure})."
     )
 
 

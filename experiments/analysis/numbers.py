@@ -135,13 +135,25 @@ def _within(run: Recorded) -> dict:
 
 def _play(width_rad: np.ndarray, std_rad: np.ndarray) -> dict:
     """Full widths and standard deviations (x, y); None where the run could not show the play."""
-    known = width_rad > 2 * std_rad
+    known = _shown(width_rad, std_rad)
     return {
         "value": [
             float(np.degrees(w)) if k else None for w, k in zip(width_rad, known, strict=True)
         ],
         "std": np.degrees(std_rad).tolist(),
     }
+
+
+def _shown(width_rad: np.ndarray, std_rad: np.ndarray) -> np.ndarray:
+    return width_rad > 2 * std_rad
+
+
+def found_no_play(m: RunMetrics) -> bool:
+    """Whether the compensation looked for play in this run and found none."""
+    looked = np.isfinite([m.gear_play_rad, m.joint_play_rad]).any()
+    gear = _shown(m.gear_play_rad, m.gear_play_std_rad)
+    joint = _shown(m.joint_play_rad, m.joint_play_std_rad)
+    return bool(looked and not gear.any() and not joint.any())
 
 
 def arm_numbers(runs: Sequence[Recorded]) -> dict:

@@ -1,5 +1,6 @@
 """Both methods side by side: numbers that the logs were made with, and words that follow."""
 
+from dataclasses import replace
 from itertools import permutations
 from pathlib import Path
 
@@ -53,6 +54,21 @@ def test_the_sentence_says_what_the_logs_were_made_with(two):
     assert "3.0 times farther from" in comparison_sentence(*two[::-1])
     assert "as near to its target as without" in comparison_sentence(two[0], two[0])
     assert comparison_sentence(two[0], []) == ""
+
+
+def test_a_table_without_play_is_called_so(two):
+    """Not where the compensation found some, looked for none, or changed something."""
+    still = run(0.3)
+
+    def looked(of, gear_deg: float):
+        widths = {"gear_play_rad": np.radians([0.0, gear_deg]), "joint_play_rad": np.zeros(2)}
+        stds = {f"{name[:-4]}_std_rad": np.radians([0.1, 0.1]) for name in widths}
+        return replace(of, metrics=replace(of.metrics, **widths, **stds))
+
+    said = comparison_sentence([still], [looked(still, 0.15)])
+    assert "found no play in this table, so runs with and without it are alike: 0.30 and" in said
+    for with_ in (still, looked(still, 1.0), looked(run(0.1), 0.1)):
+        assert "found no play" not in comparison_sentence([still], [with_])
 
 
 def test_every_row_has_units_and_says_what_is_missing(two):
