@@ -147,12 +147,24 @@ def servo_of_run(log: Log, colour: str) -> Figure:
 
 
 def _legend_above(axis: Axes) -> None:
-    """Curves fill the axes: their names stand above."""
-    axis.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, fontsize=8, frameon=False)
+    """Curves fill the axes: their names stand above in a line, which may be wider than the axes."""
+    axis.set_title(" ", fontsize=8)  # the line's room
+    names = axis.legend(
+        loc="lower right",
+        bbox_to_anchor=(1.0, 1.0),
+        ncols=3,
+        fontsize=8,
+        frameon=False,
+        borderaxespad=0.0,
+        handlelength=1.5,
+        handletextpad=0.5,
+        columnspacing=1.0,
+    )
+    names.set_in_layout(False)
 
 
 def _arms(without: Log, with_: Log) -> list[tuple[Log, str, str]]:
-    return [(without, WITHOUT, "without"), (with_, WITH, ARMS["with"])]  # one line, read as one
+    return [(without, WITHOUT, ARMS["without"]), (with_, WITH, ARMS["with"])]
 
 
 def servo_over_time(without: Log, with_: Log, *, panels: Sequence[str] = ("", "")) -> Figure:
@@ -168,7 +180,7 @@ def servo_over_time(without: Log, with_: Log, *, panels: Sequence[str] = ("", ""
             t, theta, _ = _servo(log)
             axis.plot(t, theta[:, a], color=colour, lw=1.0, label=label)
         t, _, desired = _servo(with_)
-        axis.plot(t, desired[:, a], "--", color=CENTRE, lw=0.9, label="desired (with)")
+        axis.plot(t, desired[:, a], "--", color=CENTRE, lw=0.9, label="desired, with it")
         axis.set_ylabel(_angle_label(with_, a))
         if panels[a]:
             axis.text(1.015, 0.5, panels[a], transform=axis.transAxes, va="center", fontsize=10)

@@ -141,10 +141,11 @@ def recompute_section(how: str, command: str = "") -> Section:
     return Section("How to recompute", [*filter(None, (how,)), *([Code(typed)] if typed else [])])
 
 
-SETTLED = (
+SETTLED_PART = (
     "Settled: after settling; of a run that never settled, or whose target moves to its end, in "
-    f"its last half. {NUMBERS_TOLD}"
+    "its last half."
 )
+SETTLED = f"{SETTLED_PART} {NUMBERS_TOLD}"
 # Runs without play compensation stand before those with it, in tables and figures alike.
 ORDER = "without", "with"
 RUN_HEAD = (

@@ -35,6 +35,7 @@ from experiments.reports.report import (
     ORDER,
     RUN_HEAD,
     SETTLED,
+    SETTLED_PART,
     Block,
     Picture,
     Pictures,
@@ -133,7 +134,7 @@ def report_runs(folders: Sequence[Path], out: Path, *, progress: ProgressCall = 
         made=made_words(*_about(metas)),
         sections=[
             *_comparison(both, out, metas[0]),
-            Section("Numbers of each run", [*_numbers(rows), *_regimes(metas)]),
+            Section("Numbers of each run", [*_numbers(rows, told=all(both)), *_regimes(metas)]),
             *sections,
             recompute_section(
                 "The log behind every number, as a table, typed in the folder where the runs are:",
@@ -196,15 +197,17 @@ def _export_command(run: Recorded) -> str:
     return f"rig export {quote(name)} --out {quote(f'{name}.csv')}"
 
 
-def _numbers(rows: list[list[str]]) -> list[Block]:
-    """The runs' numbers, one column a run and a few runs a table: it fits a sheet of paper."""
+def _numbers(rows: list[list[str]], *, told: bool) -> list[Block]:
+    """The runs' numbers, one column a run and a few runs a table: it fits a sheet of paper; told:
+    what they mean stands under the comparison already."""
     tables: list[Block] = []
     count = -(-len(rows) // RUNS_A_TABLE)
     for first in range(0, len(rows), step := -(-len(rows) // count)):  # tables of one width
         some = rows[first : first + step]
         turned = [[RUN_HEAD[i], *(row[i] for row in some)] for i in range(1, len(RUN_HEAD))]
         head = ("", *(row[0] for row in some))
-        caption = "" if tables else f"{SETTLED} {told_words(rows)}"
+        meaning = SETTLED_PART if told else f"{SETTLED} {told_words(rows)}"
+        caption = "" if tables else meaning
         tables.append(Table(head, turned, caption, words=len(some) + 1))
     return tables
 

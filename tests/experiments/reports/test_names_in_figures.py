@@ -50,6 +50,14 @@ def test_the_eight_runs_are_named_as_the_paper_does_and_say_which_controller():
     ]
     assert set(ARMS.values()) <= set(words)
     assert not any("$" in word for word in words)
+    for over_time in (ball_over_time, servo_over_time):
+        figure = over_time(log, log)
+        (legend,) = [axis.get_legend() for axis in figure.axes if axis.get_legend()]
+        figure.canvas.draw()
+        box = legend.get_window_extent()
+        assert box.x0 > 0
+        assert box.x1 < figure.bbox.x1
+        assert set(ARMS.values()) <= set(words_of(figure))
 
 
 def test_letters_are_read_at_half_a_sheets_width():
