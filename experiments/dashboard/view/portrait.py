@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from experiments.analysis.metrics import run_metrics
 from experiments.analysis.samples import held
 from experiments.dashboard.view.curves import X, Y
-from rig.log import INDEX
+from rig.log import INDEX, Log
 from rig.parameters import Servo
 
 if TYPE_CHECKING:
@@ -120,6 +121,19 @@ def newest(rows: np.ndarray) -> np.ndarray:
     return rows[rows[:, 0] > rows[-1, 0] - LAST_S] if len(rows) else rows
 
 
+def distance_words(rows: np.ndarray) -> str:
+    """RMS distance from the target, in HTML, as Results tells it, but of these log rows (n,
+    len(COLUMNS)), which are thinned: so with a digit less.
+    """
+    found = run_metrics(Log(rows))
+    if not found.samples:
+        return "RMS: <b>not seen</b>"
+    if not (found.has_settled or found.target_moves):
+        return "RMS after settling: <b>not settled yet</b>"
+    part = "after settling" if found.has_settled else "of the last half"
+    return f"RMS {part}: <b>{100 * found.settled.error_rms_m:.1f} cm</b>"
+
+
 def phase_curves(rows: np.ndarray, servo: Servo) -> tuple[str, str, list[Curve], list[Curve]]:
     """Name and unit of what drives the servos; the ball's speed over its position, and the servos'
     angle over what drives them, of log rows (n, len(COLUMNS)), n > 1.
@@ -141,22 +155,20 @@ def phase_curves(rows: np.ndarray, servo: Servo) -> tuple[str, str, list[Curve],
 
 
 def pictures(rows: np.ndarray, servo: Servo, before: np.ndarray | None = None) -> str:
-    """HTML of the pictures of log rows (n, len(COLUMNS)), and the RMS distance of the last 10 s;
+    """HTML of the pictures of the last 10 s of log rows (n, len(COLUMNS)), and `distance_words`;
     fewer than three rows: a sentence. before: rows of another run, drawn grey in the same axes.
     """
     if len(rows) < 3:
         return WAIT
-    rows = newest(rows)
+    told, rows = distance_words(rows), newest(rows)
     name, unit, swing, loop = phase_curves(rows, servo)
     if before is not None:
         _, _, *others = phase_curves(before, servo)
         greys = [[(GREY, x, y) for _, x, y in curves] for curves in others]
         swing, loop = greys[0] + swing, greys[1] + loop
     away = distance_cm(rows)
-    last = away[np.isfinite(away)]
-    rms = f"{np.sqrt(np.mean(last**2)):.2f} cm" if len(last) else "not seen"
     return (
-        f"<p>From the target, RMS of the last {LAST_S:.0f} s: <b>{rms}</b></p>"
+        f"<p>From the target, {told}</p>"
         + KEY
         + phase_picture("ball: speed over position", "position [cm]", "speed [cm/s]", swing)
         + phase_picture(f"servo: angle over {name}", unit, "angle [deg]", loop)

@@ -7,16 +7,18 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from experiments.analysis.metrics import run_metrics
 from experiments.dashboard.view.portrait import (
     GREY,
     WAIT,
     Portrait,
     distance_cm,
+    distance_words,
     histogram_picture,
     phase_picture,
     pictures,
 )
-from rig.log import COLUMNS, INDEX
+from rig.log import COLUMNS, INDEX, Log
 from rig.parameters import Servo
 
 SERVO = Servo()
@@ -47,7 +49,7 @@ def test_a_circle_about_the_target_has_one_distance_and_is_a_ring():
     rows = swinging()
     assert distance_cm(rows) == pytest.approx(np.ones(N))
     page = pictures(rows, SERVO)
-    assert "RMS of the last 10 s: <b>1.00 cm</b>" in page
+    assert "RMS after settling: <b>1.0 cm</b>" in page
     assert page.count("<svg") == 3
     assert page.count("<polyline") == 4
     x_cm, speed = 100 * rows[:, INDEX["ball_x_m"]], np.pi * np.ones(N)
@@ -56,6 +58,20 @@ def test_a_circle_about_the_target_has_one_distance_and_is_a_ring():
     centre = (points.max(axis=0) + points.min(axis=0)) / 2
     half = (points.max(axis=0) - points.min(axis=0)) / 2
     assert np.hypot(*((points - centre) / half).T) == pytest.approx(np.ones(N), abs=0.05)
+
+
+def test_the_release_is_not_counted_and_the_number_is_that_of_results():
+    """From 20 cm away, then 1 cm: of the way there nothing is told but that it is none yet."""
+    t_s = np.linspace(0.0, 20.0, N)
+    near = 0.03 + 0.01 * np.cos(2 * np.pi * t_s / PERIOD_S)
+    rows = swinging(ball_x_m=near + 0.2 * np.exp(-t_s / 1.5))
+    early = distance_words(rows[t_s < 3.0])
+    assert early == "RMS after settling: <b>not settled yet</b>"
+    settled = run_metrics(Log(rows)).settled.error_rms_m
+    assert distance_words(rows) == f"RMS after settling: <b>{100 * settled:.1f} cm</b>"
+    assert settled < 0.013
+    moving = swinging(target_x_m=0.03 + 0.001 * t_s, ball_x_m=0.08 + 0.001 * t_s)
+    assert distance_words(moving).startswith("RMS of the last half: <b>5.")
 
 
 def test_what_nobody_measured_is_left_out():
