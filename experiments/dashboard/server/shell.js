@@ -178,6 +178,10 @@
   // viser builds its panels anew where a window becomes as narrow as a phone's, or wide again: the
   // tabs that were chosen stay so.
   const chosen = new Map(), laid = new WeakSet();  // chosen: by the names in a row of tabs
+  const openTab = (tab) => {
+    tab.click();  // a phone's; those of a wide page take keys
+    tab.dispatchEvent(new KeyboardEvent("keydown", { key: "Enter", bubbles: true }));
+  };
   addEventListener("click", (event) => {
     const tab = event.target.closest?.('[role="tab"]'), row = tab?.closest('[role="tablist"]');
     if (row && event.isTrusted) chosen.set(row.textContent, tab.textContent);
@@ -187,12 +191,18 @@
       if (laid.has(row) || !chosen.has(row.textContent)) continue;
       laid.add(row);
       for (const tab of row.querySelectorAll('[aria-selected="false"]'))
-        if (chosen.get(row.textContent) === tab.textContent) {
-          tab.click();  // a phone's; those of a wide page take keys
-          tab.dispatchEvent(new KeyboardEvent("keydown", { key: "Enter", bubbles: true }));
-        }
+        if (chosen.get(row.textContent) === tab.textContent) openTab(tab);
     }
   }, LAID_OUT_MS);
+  // A button whose words end in "tab Replay" opens it.
+  addEventListener("click", (event) => {
+    const name = /, tab (\w+)$/.exec(event.target.closest?.("button")?.textContent ?? "")?.[1];
+    for (const tab of name ? document.querySelectorAll('[role="tab"]') : [])
+      if (tab.textContent === name) {
+        chosen.set(tab.closest('[role="tablist"]').textContent, name);
+        openTab(tab);
+      }
+  }, true);
   // An arrow is a command's: viser's 3-D view, which listens above the commands, would turn, too.
   root.addEventListener("keydown", (event) => {
     if (event.key.startsWith("Arrow")) event.stopPropagation();

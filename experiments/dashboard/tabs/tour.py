@@ -38,6 +38,8 @@ STEPS = (
     ),
 )
 READ = 1  # the step that is reading alone
+# A button whose words end so opens that tab (shell.js).
+IS_READ = f"I have read it: next step, tab {STEPS[READ + 1][0]}"
 IN_ONE_GO = "*The whole study*, in the list *Protocol*, makes the runs of every step in one go."
 
 
@@ -101,9 +103,7 @@ class Tour:
         self._done, self._said, self._gui = done, "", server.gui
         self._next: Any = server.gui.add_markdown("", order=-50, visible=visible)
         self._visible, self._read = visible, False
-        self._seen: Any = server.gui.add_button(
-            "I have read it: next step", order=-40, visible=False
-        )
+        self._seen: Any = server.gui.add_button(IS_READ, order=-40, visible=False)
         controls.button(self._seen, "next step", lambda page: self._note_read(), everybody=True)
         self._words: Any = None
 

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from experiments.dashboard.server.server import shell_of
+from experiments.dashboard.tabs.tour import IS_READ
 from tests.support.shell_alone import CONTRAST, opened
 from tests.support.waiting import wait_for
 
@@ -129,6 +130,24 @@ def test_a_tab_stays_chosen_when_the_window_becomes_a_phones(chromium, program):
         page.set_viewport_size({"width": width, "height": height})
         page.wait_for_timeout(1500)
         page.get_by_text("the tab Gap").wait_for(timeout=10e3)
+    page.context.close()
+
+
+@pytest.mark.slow
+def test_a_button_that_names_a_tab_opens_it_on_a_wide_page_and_on_a_phone(chromium, program):
+    program.server.gui.add_button(IS_READ, order=-2)
+    tabs = program.server.gui.add_tab_group(order=-1)
+    for name in ("Results", "Replay"):
+        with tabs.add_tab(name):
+            program.server.gui.add_markdown(f"inside of {name}")
+    page = opened(chromium, program)
+    for width, height in ((1280, 720), (390, 844)):
+        page.set_viewport_size({"width": width, "height": height})
+        page.wait_for_timeout(1500)
+        page.get_by_role("tab", name="Results").click(timeout=120e3)
+        page.get_by_text("inside of Results").wait_for()
+        page.get_by_role("button", name=IS_READ).click()
+        page.get_by_text("inside of Replay").wait_for(timeout=10e3)
     page.context.close()
 
 
