@@ -36,6 +36,7 @@ from experiments.dashboard.view.camera_view import RESTS, CameraView
 from experiments.dashboard.view.curves import LIVE, STOPPED, Curves
 from experiments.dashboard.view.film_view import FilmView
 from experiments.dashboard.view.ghost import Ghost
+from experiments.dashboard.view.panels import Panels
 from experiments.dashboard.view.portrait import Portrait
 from experiments.dashboard.view.pose import plate_point
 from experiments.dashboard.view.scene import TableScene, legend_words, light
@@ -118,7 +119,6 @@ class App:
         set_looks(server)
         gui.set_panel_label("Balancing table")
         gui.main_panel.dock_right()
-        gui.main_panel.set_width(390)
         light(server, self.rig.linkage.side_m)
         self.scene = TableScene(server, self.rig)
         self.gauges = BacklashGauges(server, self.rig)
@@ -147,7 +147,8 @@ class App:
             add_view_points(server, self.controls, self.pages.clients, side_m)
             gui.add_markdown(legend_words(self.session.table.real))
         panel.dock_left()
-        panel.set_width(330)
+        self._panels = Panels(panel, gui.main_panel)
+        self._panels.widen()
         self._add_tabs()
         add_keys(server, self.controls, self._stop, self.run_tab, self.replay)
 
@@ -262,6 +263,7 @@ class App:
             self.pages.joined(client)
             self.header.joined(client)
             keep_sides(client)
+            self._panels.fit(client)
 
         self.controls.queue.put("a page came", do)
 

@@ -29,13 +29,13 @@ def legend(what: str) -> str:
     """What is drawn, and in which colours, as HTML."""
     return (
         f'<div style="{TEXT}">{what}: '
-        f'<b style="color: {X}">x</b> and <b style="color: {Y}">y</b>, dashed what is wanted</div>'
+        f'<b style="color: {X}">x</b>, <b style="color: {Y}">y</b>; dashed: wanted</div>'
     )
 
 
 WAIT = "*Waiting for the first data.*"
 TIMES: Any = {"size": 32, "space": 60, "label": "time [s]", "labelSize": 20}  # axes of a chart
-VALUES: Any = {"size": 48, "space": 15}
+VALUES: Any = {"size": 48, "space": 12}
 FILM = "*This replay has no curves.*"
 LINE_S = 1e-3  # half width of a line's foot; chosen: less than a pixel
 _CM, _DEG = 100.0, degrees(1)
@@ -164,7 +164,7 @@ class Curves:
         server: "ViserServer | ClientHandle",
         servo: Servo,
         replayed: str = "",
-        height: int = 80,
+        height: int = 70,
     ) -> None:
         self._charts = charts_of(servo)
         self._replays, self._of = bool(replayed), replayed
