@@ -56,6 +56,12 @@ REAL = (
     "**time** and **level** from the newest runs with the ball."
 )
 PRINTED_DEFAULT_MM = 24.0  # of `rig calibrate sheet`
+# Of a virtual table each step is done with a copy; how long the longest takes.
+COPY = "*On a copy of the table, not the one you see{}.*"
+LONG = {"play": "; up to two minutes"}
+# Part of what is left of a stage by which the percentage goes on in a second, though nothing is
+# told of it; chosen, as for the tab Gap: the longest take a minute.
+CREEP = 0.015
 VERDICTS = "verdicts.json"
 DETAILS = "How it was measured"
 LED_ABOUT, MOST_RUNS = ("steps", "circle", "free-release", "pushed"), 4
@@ -69,6 +75,8 @@ class CalibrateTab:
     one; rows: lists the recorded runs, newest first; show_live: called with the page that begins a
     step, to end its film.
     """
+
+    _share, _until = 0.0, 0.0  # of the step: done, and when its stage will be
 
     def __init__(
         self,
@@ -127,8 +135,8 @@ class CalibrateTab:
         self._lines: list[str] = []
         self._kept: dict[str, list[str]] = {}
         self._on, self._words, self._elapsed = "", "", Elapsed()
-        self._left: tuple[str, ...] = ()
         self._why_ended = ""  # by a person
+        self._left: tuple[str, ...] = ()
         self._restore()
 
     def _restore(self) -> None:
@@ -224,6 +232,7 @@ class CalibrateTab:
         else:
             self._worker.put(item)
         self._lines, self._why_ended = [], ""
+        self._share = self._until = 0.0
         self._elapsed.begin()
         self._mark(step, "on", "on its way")
 
@@ -241,9 +250,12 @@ class CalibrateTab:
             self._awaited = None
 
     def draw(self) -> None:
-        """Write how long the present step has taken, once a second."""
+        """Write how far the present step is, and how long it has taken, once a second."""
         if "on" in self._state.values() and self._elapsed.changed():
-            self._write(f", {self._elapsed.seconds} s")
+            self._share += CREEP * (self._until - self._share)
+            far = f", {100 * self._share:.0f} %" if self._until else ""
+            copy = "" if self._real else f"\n\n{COPY.format(LONG.get(self._on, ''))}"
+            self._write(f"{far}, {self._elapsed.seconds} s{copy}")
 
     def _write(self, more: str = "", *, done: bool = False) -> None:
         """The verdict; how a step was measured stands below it while it is on, then folded."""
@@ -277,7 +289,9 @@ class CalibrateTab:
             self._lines.append(what.replace(UNCLEAR, ""))
             self._mark(step, "on", "measuring")
         elif kind == "progress" and what[2] > 1:  # it has parts
-            self._mark(step, "on", f"{what[0]}, {100 * what[1] // what[2]} %")
+            words, done, of = what
+            self._share, self._until = max(self._share, done / of), (done + 1) / of
+            self._mark(step, "on", words)
         elif kind == "shown":
             self._mark(step, "on", "measuring")
             self._gallery.show(what)

@@ -1,5 +1,6 @@
 """The tab Calibrate before a camera that is slow to be had: the queue of the pages never waits."""
 
+import re
 import threading
 from contextlib import contextmanager
 from datetime import UTC, datetime
@@ -121,37 +122,62 @@ def test_a_step_uses_the_number_that_passed_its_checks_and_no_other(tab):
     wait_for("the camera's return", lambda: camera.lent == 0)
 
 
+@pytest.fixture
+def virtual(tmp_path):
+    server, _ = open_server("127.0.0.1", 0, "a-token-of-some-length-for-tests")
+    controls, worker = Controls(lambda *what: None, print), FakeWorker()
+    session = SimpleNamespace(rig=Rig(), status=SimpleNamespace(state="stopped"))
+    words = (server, controls, worker, session, tmp_path, lambda page, path: None)
+    yield CalibrateTab(*words), worker  # pyright: ignore[reportArgumentType]
+    controls.queue.close()
+    server.stop()
+
+
 @pytest.mark.parametrize(("width_rad", "said"), [(ONE, "agrees"), (2 * ONE, "differs")])
-def test_the_answer_is_first_and_how_it_was_measured_is_folded(tmp_path, width_rad, said):
+def test_the_answer_is_first_and_how_it_was_measured_is_folded(virtual, tmp_path, width_rad, said):
     folder = tmp_path / "calibration"
     folder.mkdir()
     write_rig(Rig(effects={"gear_backlash": {"x": {"play_rad": ONE}}}), folder / "table-play.toml")
     plays: dict[str, Any] = {"gear": {"x": BacklashAxis(width_rad=Value.around(width_rad, 0.001))}}
     record = BacklashRecord(plays=plays, not_seen={})
     Draft(made=datetime.now(UTC), source="simulated", play=record).save(folder / "calibration.json")
-    server, _ = open_server("127.0.0.1", 0, "a-token-of-some-length-for-tests")
-    controls, worker = Controls(lambda *what: None, print), FakeWorker()
-    session = SimpleNamespace(rig=Rig(), status=SimpleNamespace(state="stopped"))
-    try:
-        words = (server, controls, worker, session, tmp_path, lambda page, path: None)
-        one = CalibrateTab(*words)  # pyright: ignore[reportArgumentType]
-        one.begin(("play",))
-        worker.items[0].on_message("line", "play x, gear (tachometer against encoder)")
-        wait_for("the line", lambda: "tachometer" in one._verdict.content)
-        assert not one._folded.visible
-        worker.items[0].on_message("done", [])
-        wait_for("the verdict", lambda: one._state["play"] == "accepted")
-        first, answer, *_ = one._verdict.content.split("\n\n")
-        assert first == "**play: accepted**"
-        assert said in answer
-        assert "truth" in answer
-        assert "| 1\u00a0deg |" in one._verdict.content  # the true one
-        assert "tachometer" not in one._verdict.content
-        assert "tachometer" in one._details.content
-        assert one._folded.visible
-        controls.queue.close()
-    finally:
-        server.stop()
+    one, worker = virtual
+    one.begin(("play",))
+    worker.items[0].on_message("line", "play x, gear (tachometer against encoder)")
+    wait_for("the line", lambda: "tachometer" in one._verdict.content)
+    assert not one._folded.visible
+    worker.items[0].on_message("done", [])
+    wait_for("the verdict", lambda: one._state["play"] == "accepted")
+    first, answer, *_ = one._verdict.content.split("\n\n")
+    assert first == "**play: accepted**"
+    assert said in answer
+    assert "truth" in answer
+    assert "| 1\u00a0deg |" in one._verdict.content  # the true one
+    assert "tachometer" not in one._verdict.content
+    assert "tachometer" in one._details.content
+    assert one._folded.visible
+
+
+def test_a_long_stage_goes_on_and_says_that_the_table_in_view_is_not_moved(virtual, monkeypatch):
+    one, worker = virtual
+    one.begin(("play",))
+    worker.items[0].on_message("progress", ("leading the ball about", 3, 6))
+    wait_for("the stage", lambda: "leading" in one._verdict.content)
+    monkeypatch.setattr(one._elapsed, "changed", lambda: True)
+    shares = []
+    for _ in range(100):
+        one.draw()
+        shares.append(int(re.search(r"(\d+) %", one._verdict.content)[1]))
+    assert shares == sorted(shares)
+    assert shares[0] == 50
+    assert 60 < shares[-1] <= 66  # the next stage is not there yet
+    assert (
+        "*On a copy of the table, not the one you see; up to two minutes.*" in one._verdict.content
+    )
+    worker.items[0].on_message("done", [])
+    wait_for("the verdict", lambda: one._state["play"] == "accepted")
+    one.draw()
+    assert "copy" not in one._verdict.content
 
 
 def test_verdicts_are_shown_again_after_a_restart(tab, tmp_path):
