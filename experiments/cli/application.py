@@ -25,7 +25,7 @@ from experiments.cli.gap import gap
 from experiments.cli.home import home
 from experiments.cli.importing import EPILOG, import_
 from experiments.cli.say import say, saying_aside
-from experiments.cli.sections import Sections
+from experiments.cli.sections import OptionSections, Sections
 from experiments.cli.serve import serve
 from experiments.cli.sheets import check, sheet
 from experiments.cli.watch import watch
@@ -105,7 +105,7 @@ def _claim_line(claim: dict) -> str:
 def run(
     protocol: Annotated[str, typer.Argument(help=f"{PROTOCOLS}, or your own .toml file.")],
     arm: Annotated[
-        str, typer.Option(help="with or without play compensation, both, or a compensator.")
+        str, typer.Option(help="Play compensation: with, without, both, or a compensator by name.")
     ] = "both",
     rig: RigOption = None,
     out: OutOption = Path("out/run"),
@@ -288,7 +288,7 @@ def reject(
 
 
 app.command()(dashboard)
-app.command()(gap)
+app.command(cls=OptionSections)(gap)
 app.command()(watch)
 app.command()(sheet)
 app.command()(check)

@@ -172,9 +172,10 @@ def servo(
     out: OutOption = OUT,
     seed: SeedOption = 1,
 ) -> None:
-    """Motors: breakaway volts, gain, time constant, signs. Servos told an angle: lag, limits.
+    """Motors: volts, gain, signs; servos told an angle: lag, limits.
 
-    Of motors that are given volts: in both directions, without a ball.
+    Of motors that are given volts: breakaway volts, gain, time constant and signs, in both
+    directions, without a ball.
 
     Of servos that take an angle: lag, dead time, limits and dead band from the angle that they read
     back, or from the plate's markers in frames; else lag and dead time from a ball that is led

@@ -11,56 +11,73 @@ from experiments.cli.say import say
 if TYPE_CHECKING:
     from calibration.gap.findings import Findings
 
+# Sections of the help.
+OWN = "Your recording"
+DEMO = "Demo: a joint play is hidden in simulated runs"
+BLIND = "Blind trials: effects are hidden, sought and scored"
+
 Logs = Annotated[
     list[Path] | None,
-    typer.Argument(help="Run folders, .csv, .parquet or .mat files of one table."),
+    typer.Argument(
+        help="Run folders, .csv, .parquet or .mat files of one table.", rich_help_panel=OWN
+    ),
 ]
-Until = Annotated[str, typer.Option(help="Last stage: locate, name, add, prove or next.")]
-Json = Annotated[Path | None, typer.Option("--json", help="Write the answer here as JSON, too.")]
+RigOption = Annotated[
+    Path | None,
+    typer.Option("--rig", help="rig.toml: the model as it is believed.", rich_help_panel=OWN),
+]
+Out = Annotated[Path, typer.Option("--out", help="Folder for what is made.", rich_help_panel=OWN)]
+Json = Annotated[
+    Path | None,
+    typer.Option("--json", help="Write the answer here as JSON, too.", rich_help_panel=OWN),
+]
+_STAGES = (
+    "Last stage: locate (where is it?), name (what?), add (to the model), prove (on other data) "
+    "or next (what to record next)."
+)
+Until = Annotated[str, typer.Option(help=_STAGES, rich_help_panel=OWN)]
 _LEFT = "Of files: the first so many seconds are left out (a hand at the ball, say)."
-FromS = Annotated[float, typer.Option("--from", min=0.0, help=_LEFT)]
-_BLIND = "With --blind-trial: "
-Trials = Annotated[int, typer.Option(min=1, help=f"{_BLIND}so many with an effect.")]
-Effects = Annotated[str, typer.Option(help=f"{_BLIND}only these, comma-separated.")]
-Pairs = Annotated[bool, typer.Option(help=f"{_BLIND}two effects at once.")]
-Onto = Annotated[bool, typer.Option(help=f"{_BLIND}hide effects in LOGS.")]
-Cluster = Annotated[str | None, typer.Option(help=f"{_BLIND}address of a Dask scheduler.")]
-Jobs = Annotated[int | None, typer.Option(min=1, help=f"{_BLIND}processes; default: all cores.")]
+FromS = Annotated[float, typer.Option("--from", min=0.0, help=_LEFT, rich_help_panel=OWN)]
+_CLEAN = "The logs are five or more clean runs: learn tolerances."
+Tolerances = Annotated[bool, typer.Option("--tolerances-from", help=_CLEAN, rich_help_panel=OWN)]
+Demo = Annotated[bool, typer.Option("--demo", help="Hide it and find it.", rich_help_panel=DEMO)]
+_GUESS = "With --demo: guess the hidden play before the analysis does."
+Guess = Annotated[bool, typer.Option("--guess", help=_GUESS, rich_help_panel=DEMO)]
 _DRAWN = "With --blind-trial or --demo: seed of what is drawn."
-Seed = Annotated[int | None, typer.Option(min=0, help=_DRAWN)]
+Seed = Annotated[int | None, typer.Option(min=0, help=_DRAWN, rich_help_panel=DEMO)]
+_TRIALS = "Hide effects, find them, open the seal, score."
+BlindTrial = Annotated[bool, typer.Option("--blind-trial", help=_TRIALS, rich_help_panel=BLIND)]
+Trials = Annotated[int, typer.Option(min=1, help="So many with an effect.", rich_help_panel=BLIND)]
+Effects = Annotated[str, typer.Option(help="Only these, comma-separated.", rich_help_panel=BLIND)]
+Pairs = Annotated[bool, typer.Option("--pairs", help="Two at once.", rich_help_panel=BLIND)]
+Onto = Annotated[bool, typer.Option("--onto", help="Hide them in LOGS.", rich_help_panel=BLIND)]
+Cluster = Annotated[
+    str | None, typer.Option(help="Address of a Dask scheduler.", rich_help_panel=BLIND)
+]
+Jobs = Annotated[
+    int | None,
+    typer.Option(min=1, help="Processes; default: all cores.", rich_help_panel=BLIND),
+]
 
 
 def gap(
     logs: Logs = None,
-    rig: Annotated[
-        Path | None, typer.Option("--rig", help="rig.toml: the model as it is believed.")
-    ] = None,
-    out: Annotated[Path, typer.Option("--out", help="Folder for what is made.")] = Path("out/gap"),
+    rig: RigOption = None,
+    out: Out = Path("out/gap"),
     json_file: Json = None,
     until: Until = "next",
     from_s: FromS = 0.0,
-    tolerances_from: Annotated[
-        bool,
-        typer.Option(
-            "--tolerances-from", help="The logs are five or more clean runs: learn tolerances."
-        ),
-    ] = False,
-    demo: Annotated[
-        bool, typer.Option(help="Hide a joint play in simulated runs; find it.")
-    ] = False,
-    guess: Annotated[
-        bool, typer.Option(help="With --demo: guess the hidden play before the analysis does.")
-    ] = False,
-    blind_trial: Annotated[
-        bool, typer.Option(help="Hide effects, find them, open the seal, score.")
-    ] = False,
+    tolerances_from: Tolerances = False,
+    demo: Demo = False,
+    guess: Guess = False,
+    seed: Seed = None,
+    blind_trial: BlindTrial = False,
     trials: Trials = 100,
     effects: Effects = "",
     pairs: Pairs = False,
     onto: Onto = False,
     cluster: Cluster = None,
     jobs: Jobs = None,
-    seed: Seed = None,
 ) -> None:
     """Name the effect that the model lacks. Says where it is wrong, shows the gap shrink."""
     given = [*(logs or [])]

@@ -1,8 +1,8 @@
-"""The commands of `rig --help`, by what a person wants to do."""
+"""The commands of `rig --help`, and the options of one, by what a person wants to do."""
 
 from typing import Any
 
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
 
 SECTIONS = {
     "Run a study": ("reproduce", "run", "report", "dashboard", "compare", "watch"),
@@ -27,5 +27,21 @@ class Sections(TyperGroup):
                 )
                 for name in names
             ]
+            with formatter.section(title):
+                formatter.write_dl(lines)
+
+
+class OptionSections(TyperCommand):
+    """A command whose help lists arguments and options by their `rich_help_panel`, in the order of
+    their first ones."""
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        """Write the sections; an option without one stands in the last, Other."""
+        sections: dict[str, list[tuple[str, str]]] = {}
+        for one in self.get_params(ctx):
+            if (record := one.get_help_record(ctx)) is not None:
+                title = getattr(one, "rich_help_panel", None) or "Other"
+                sections.setdefault(title, []).append(record)
+        for title, lines in sections.items():
             with formatter.section(title):
                 formatter.write_dl(lines)

@@ -235,6 +235,21 @@ def test_the_help_lists_every_command_in_one_section():
     assert len({line.index(line.split(maxsplit=1)[1]) for line in lines}) == 1  # one column
 
 
+def test_the_help_of_gap_sets_trials_apart_from_a_persons_recording():
+    _, out, _ = told("gap", "--help")
+    own, _, rest = out.partition("\nDemo")
+    demo, _, trials = rest.partition("\nBlind trials")
+    assert all(one in own for one in ("Your recording:", "logs...", "--rig", "--from", "--until"))
+    assert all(one in demo for one in ("--demo", "--guess", "--seed"))
+    assert all(one in trials for one in ("--blind-trial", "--trials", "--onto", "--jobs"))
+    assert out.count("--") < 25  # no option says again how it is not set
+
+
+def test_the_help_of_calibrate_says_of_both_kinds_of_servos():
+    _, out, _ = told("calibrate", "--help")
+    assert "servos told an angle: lag, limits." in out
+
+
 def test_the_help_of_run_names_every_shipped_protocol():
     _, out, _ = told("run", "--help")
     assert all(name.replace("-", "") in re.sub(r"[-\s]", "", out) for name in shipped())
