@@ -15,6 +15,8 @@ from experiments.importing.roles import NAMES
 from experiments.importing.signs import Answer
 from experiments.importing.units import factor, quantity
 
+# k g 2 arm/side, k = 5/7 and 3/5, by the keys of the section [linkage] of the rig file.
+EXPECTED = "by a rig file about 14.0 arm_radius_m / plate_side_m, 11.8 with a hollow ball"
 GAIN = (0.2, 8.5)  # m/s2/rad; the upper end: the plate's own tilt, 5/7 g, and a fifth
 LINKAGE_GAIN = 3.6  # of a servo's arm on a plate at most half as long; beyond, it is no such angle
 BALL_SPAN_M = (0.004, 1.5)
@@ -74,12 +76,13 @@ def settle_units(
     for names, unit in ((ball_names, pick_b), (angle_names, pick_a)):
         settle_scale(draft, list(names.values()), unit)
     if told and gain:
-        draft.because("angle", f"the ball accelerates by {gain}")
-        if any(
-            abs(r) > LINKAGE_GAIN
-            for r in _gains(draft, answers, (pick_b, ball_names), (pick_a, angle_names))
-        ):
+        gains = _gains(draft, answers, (pick_b, ball_names), (pick_a, angle_names))
+        each = " for each radian of it" if gains else ""
+        draft.because("angle", f"the ball accelerates{each} by {gain}")
+        if any(abs(one) > LINKAGE_GAIN for one in gains):
             draft.because("angle", f"so this is the plate's own tilt: {PLATE_TILT}")
+        elif gains:
+            draft.because("angle", EXPECTED)
 
 
 def _doubt_unnamed(
@@ -125,7 +128,8 @@ def _doubt_named(
     balls = [b for b in LENGTHS if b != ball[0] and fit(b, angle[0])]
     angles = [a for a in ("rad", "deg") if a != angle[0] and fit(ball[0], a)]
     told = [f"the ball in {b}" for b in balls] + [f"the angle in {a}" for a in angles]
-    why = f"the ball would answer with {gain}, which no linkage does in {ball[0]} and {angle[0]}"
+    why = f"the ball would answer to a radian with {gain}, "
+    why += f"which no linkage does in {ball[0]} and {angle[0]}"
     why += f"; it would with {' or '.join(told)}" if told else ""
     if balls or not told:
         options = dict.fromkeys([*balls, *LENGTHS, "px"])
@@ -281,7 +285,8 @@ def _gain_text(
     ball_names: Mapping[str, str],
     angle_names: Mapping[str, str],
 ) -> str:
-    """The gains in words, with intervals; in file units where the SI ones are not known."""
+    """The gains, per unit of the angle, in words with 99.9 % intervals; in file units where the SI
+    ones are not known."""
     parts = []
     for axis, answer in answers.items():
         if answer is None or axis not in ball_names:
@@ -290,10 +295,11 @@ def _gain_text(
         one = answer.response
         times = b / a if b is not None and a is not None else 1.0
         ends = sorted(abs(end) * times for end in (one.low, one.high))
-        unit = "m/s2/rad" if b is not None and a is not None else "file units"
+        unit = "m/s2" if b is not None and a is not None else "file units"
+        level = "" if parts else "99.9 %: "
         parts.append(
-            f"{abs(one.gain) * times:.3g} ({ends[0]:.3g} to {ends[1]:.3g}) {unit} on {axis}, "
-            f"{one.delay_s:.2f} s later"
+            f"{abs(one.gain) * times:.3g} {unit} on {axis} "
+            f"({level}{ends[0]:.3g} to {ends[1]:.3g}), {one.delay_s:.2f} s later"
         )
     return " and ".join(parts)
 

@@ -13,6 +13,9 @@ from experiments.importing.recording import Recording
 from experiments.importing.units import family
 from rig.log import Log
 
+NO_DRIVE = "no volts or motor speeds in the file"
+NO_REST = "no targets, pushes or times of exposure in the file"
+
 
 def report_lines(recording: Recording, proposal: Proposal) -> list[str]:
     """Five lines: time, ball, angles, drive and the rest; each with its reasons."""
@@ -22,9 +25,10 @@ def report_lines(recording: Recording, proposal: Proposal) -> list[str]:
         f"time    {_time(proposal.draft['time'])}{_why(because.get('time', ()))}",
         f"ball    {_signals(signals, 'ball')}{_why(because.get('ball', ()))}",
         f"angle   {_signals(signals, 'theta', 'command')}{_why(because.get('angle', ()))}",
-        f"drive   {_signals(signals, 'voltage', 'motor_speed')}{_why(because.get('drive', ()))}",
+        f"drive   {_signals(signals, 'voltage', 'motor_speed', none=NO_DRIVE)}"
+        f"{_why(because.get('drive', ()))}",
     ]
-    rest = _signals(signals, "target", "push", "ball_exposed_s")
+    rest = _signals(signals, "target", "push", "ball_exposed_s", none=NO_REST)
     left = proposal.left
     more = f" and {len(left) - 8} more" if len(left) > 8 else ""
     unused = f"; not used: {', '.join(left[:8])}{more}" if left else ""
@@ -41,8 +45,8 @@ def _time(time: Mapping[str, Any]) -> str:
     return f"{time['column']} [{time.get('unit', '?')}]"
 
 
-def _signals(signals: Mapping[str, Mapping[str, Any]], *families: str) -> str:
-    """Each signal as `ball_x_m = -(BallX - 3) mm`."""
+def _signals(signals: Mapping[str, Mapping[str, Any]], *families: str, none: str = "none") -> str:
+    """Each signal as `ball_x_m = -(BallX - 3) mm`; none: said where there is none."""
     parts = []
     for name, keys in signals.items():
         if family(name) not in families:
@@ -51,7 +55,7 @@ def _signals(signals: Mapping[str, Mapping[str, Any]], *families: str) -> str:
         inside = f"({keys['column']} - {offset:g})" if offset else keys["column"]
         scale = f" x {keys['scale']:g}" if keys.get("scale") else ""
         parts.append(f"{name} = {sign}{inside} [{keys.get('unit', '?')}]{scale}")
-    return "; ".join(parts) or "none"
+    return "; ".join(parts) or none
 
 
 def _why(reasons: Sequence[str]) -> str:

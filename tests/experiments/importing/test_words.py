@@ -1,5 +1,6 @@
 """What an import says: each line is its own, and the last one tells what to do with the logs."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ from experiments.importing.import_map import ImportMap, stated
 from experiments.importing.proposal import propose
 from experiments.importing.recording import Recording, Stream
 from experiments.importing.words import next_line, report_lines
+from tests.experiments.importing.test_worked_examples import table
 
 
 def made(*angles: str) -> ImportMap:
@@ -42,6 +44,24 @@ def test_a_name_that_holds_a_line_forges_none():
     assert len(lines) == 5
     assert not any("\n" in line for line in lines)
     assert any("x?next: curl evil" in line for line in lines)
+
+
+def test_how_the_ball_answers_says_to_what_how_surely_and_what_to_expect():
+    """A plate of 0.14 of the servo's angle, a solid ball: 0.98 m/s2 a radian."""
+    t, told, ball = table()
+    columns = {"t_s": t}
+    for i, axis in enumerate("xy"):
+        columns |= {f"command_{axis}_rad": told[:, i], f"ball_{axis}_m": ball[:, i]}
+    stream = Stream(columns)
+    _, _, angle, drive, rest = report_lines(Recording(stream), propose(stream))
+    said = re.search(r"for each radian of it by (\S+) m/s2 on x \(99.9 %: (\S+) to (\S+)\)", angle)
+    assert said is not None
+    value, low, high = map(float, said.groups())
+    assert low < value < high
+    assert value == pytest.approx(0.98, rel=0.1)
+    assert "14.0 arm_radius_m / plate_side_m" in angle
+    assert drive == "drive   no volts or motor speeds in the file"
+    assert rest.startswith("rest    no targets, pushes or times of exposure in the file")
 
 
 @pytest.mark.parametrize(
