@@ -92,7 +92,7 @@ def camera_figure(lens: CameraCalibration, path: Path, source: str) -> Path:
     right.bar(range(len(lens.view_rms_px)), lens.view_rms_px, color="#1f4fd8")
     right.axhline(lens.rms_px, color="0.4", lw=1)
     right.set(title="fit of each picture", xlabel="picture", ylabel="rms [px]")
-    return _save(figure, path, source)
+    return save(figure, path, source)
 
 
 def servo_figure(
@@ -119,7 +119,7 @@ def servo_figure(
             told = pulse_angle(move, *(value.value for value in model))
             right.plot(move.t_s, told, lw=0.8, color="#d62728", ls="--")
         right.set(xlabel="time [s]", title="pulses, model dashed", xlim=(0, 0.4))
-    return _save(figure, path, source)
+    return save(figure, path, source)
 
 
 def angle_figure(followed: Followed, expected: np.ndarray, path: Path, source: str) -> Path:
@@ -146,23 +146,7 @@ def angle_figure(followed: Followed, expected: np.ndarray, path: Path, source: s
             axes.plot(followed.seen_s[seen], line, "--", lw=0.8, color="#d62728", label="fit")
             axes.set(xlabel="time [s]", ylabel=f"servo angle, {name} [degrees]")
     rows[0][0].legend()
-    return _save(figure, path, source)
-
-
-def level_figure_of_servo(runs: Sequence[Rolling], path: Path, source: str) -> Path:
-    """Draw ball [mm] and the servos' answer to their commands [degrees] on both axes over the first
-    20 s; runs: one for each axis.
-
-    source: "simulated" or "measured". Returns `path`, a PNG file. OSError: it cannot be written.
-    """
-    from experiments.reports.figures import plt
-
-    figure, rows = plt.subplots(2, 1, figsize=(8, 5), sharex=True)
-    for axes, run, name in zip(rows, runs, ("x", "y"), strict=True):
-        _ball_and_servo(axes, run, name)
-    rows[0].set_xlim(runs[0].t_s[0], runs[0].t_s[0] + 20)
-    rows[1].set_xlabel("time [s]")
-    return _save(figure, path, source)
+    return save(figure, path, source)
 
 
 def _ball_and_servo(axes, run: Rolling, name: str) -> None:
@@ -193,7 +177,7 @@ def time_figure(wiggle: Wiggle, record: TimingRecord, rig: Rig, path: Path, sour
         f"delay {1e3 * delay.value:.2f} ms, 95 % {1e3 * delay.low:.2f} to {1e3 * delay.high:.2f}"
     )
     rows[1].set_xlabel("time [s]")
-    return _save(figure, path, source)
+    return save(figure, path, source)
 
 
 def level_figure(runs: Sequence[Rolling], record: LevelRecord, path: Path, source: str) -> Path:
@@ -212,10 +196,11 @@ def level_figure(runs: Sequence[Rolling], record: LevelRecord, path: Path, sourc
             f"({np.degrees(slope.low):+.3f} to {np.degrees(slope.high):+.3f})"
         )
     rows[1].set_xlabel("time [s]")
-    return _save(figure, path, source)
+    return save(figure, path, source)
 
 
-def _save(figure, path: Path, source: str) -> Path:
+def save(figure, path: Path, source: str) -> Path:
+    """Mark a figure with its source, write it as `path`, and close it. OSError: it cannot be."""
     from experiments.reports.figures import SOURCES, plt
 
     figure.text(0.995, 0.005, SOURCES[source], ha="right", va="bottom", fontsize=7, color="0.4")

@@ -3,6 +3,7 @@
 By the angle read back; else by the plate's markers in frames; else by the ball.
 """
 
+import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -20,14 +21,15 @@ from calibration.motion.position_servo_by_plate import followed_by_plate, seen_b
 from calibration.motion.rolling import DRAG_1_S, rolling
 from calibration.motion.timing import Wiggle
 from calibration.records import PositionServoAxis, PositionServoRecord, Value
+from experiments.calibrate.answer_picture import answer_figure
 from experiments.calibrate.filmed import has_plate, tilt_in_film, virtual_film
-from experiments.calibrate.folder import CalibrationFolder, with_position_servo
+from experiments.calibrate.folder import RIG_FILE, CalibrationFolder, with_position_servo
 from experiments.calibrate.given import Given, led_in_steps, read_all, source_of, write_csv
-from experiments.calibrate.pictures import angle_figure, level_figure_of_servo
+from experiments.calibrate.pictures import angle_figure
 from experiments.progress import ProgressCall, silent
 from experiments.runs.assemble import load_rig
 from rig.log import COMMANDS, Log
-from rig.parameters import CameraTiming, Rig
+from rig.parameters import CameraTiming, Rig, Servo
 from rig.simulation.simulator import SimulatedTable
 
 LED_S = 60.0
@@ -94,14 +96,22 @@ def calibrate_position_servo(
         warnings=_not_seen(found.record, believed),
         position_servo=found.record,
     )
+    _tell(found.record, believed)
+    folder.believe(rig_file, partial(with_position_servo, record=found.record))
+    if runs:
+        logs, file = shlex.join(map(str, runs)), shlex.quote(str(folder.path / RIG_FILE))
+        typer.echo(f"next: rig gap {logs} --rig {file}")
+
+
+def _tell(record: PositionServoRecord, believed: Rig) -> None:
+    """Print what was found, and what a ball tells it beside."""
     for name in "xy":
-        typer.echo(f"servo {name}, by its {found.record.source}: " + sentence(found.record, name))
-    if found.record.source == "ball":
+        typer.echo(f"servo {name}, by its {record.source}: {sentence(record, name, believed)}")
+    if record.source == "ball":
         typer.echo(
             f"all beside the camera's delay, taken to be {1e3 * believed.camera.delay_s:g} ms "
             f"(camera.delay_s; a rig file without it has {1e3 * CameraTiming().delay_s:g} ms)"
         )
-    folder.believe(rig_file, partial(with_position_servo, record=found.record))
 
 
 def _by_angle(
@@ -191,17 +201,23 @@ def _by_ball(
     axes = [[rolling(log, a, delay_s, believed) for log in logs] for a in range(2)]
     record = record_by_ball(axes[0], axes[1], believed, partial(progress, FITS))
     first = [axes[0][0], axes[1][0]]
-    picture = level_figure_of_servo(first, folder.path / "servo.png", folder.draft.source)
+    path = folder.path / "servo.png"
+    picture = answer_figure(logs[0], first, record, path, folder.draft.source)
     return _Measured(record, runs, picture)
 
 
-def sentence(record: PositionServoRecord, name: str) -> str:
-    """What was found of the servo `name` ("x", "y"), with 95 % intervals, in one line."""
+def sentence(record: PositionServoRecord, name: str, believed: Rig) -> str:
+    """What was found of the servo `name` ("x", "y"), with 95 % intervals, in one line; a lag that
+    was not seen is the one that is `believed`."""
     axis: PositionServoAxis = getattr(record, name)
-    parts = []
+    assumed = ""
+    if "lag_s" in axis.not_seen:
+        lag_s = believed.servo.pair("lag_s")["xy".index(name)]
+        assumed = f"lag {1e3 * lag_s:.3g} ms (assumed) + "
+    parts, of = [], "95 %: "
     for label, value, scale, unit in (
         ("lag", axis.lag_s, 1e3, "ms"),
-        ("dead time", axis.dead_time_s, 1e3, "ms"),
+        (f"{assumed}dead time", axis.dead_time_s, 1e3, "ms"),
         ("lag and dead time together", axis.together_s, 1e3, "ms"),
         ("at most", axis.rate_limit_rad_s, 1.0, "rad/s"),
         ("at most", axis.acceleration_limit_rad_s2, 1.0, "rad/s2"),
@@ -211,8 +227,8 @@ def sentence(record: PositionServoRecord, name: str) -> str:
     ):
         if value is not None:
             low, high = scale * value.low, scale * value.high
-            of = "" if parts else "95 %: "
             parts.append(f"{label} {scale * value.value:.3g} ({of}{low:.3g} to {high:.3g}) {unit}")
+            of = ""
     if axis.together_off_s:
         parts.append(
             f"off by another {1e3 * axis.together_off_s:.2g} ms where the ball loses "
@@ -227,17 +243,20 @@ def _not_seen(record: PositionServoRecord, believed: Rig) -> list[str]:
     lines: dict[str, list[str]] = {}
     for name in "xy":
         for key, why in getattr(record, name).not_seen.items():
-            kept = f"{WORDS[key]} kept at {_as_believed(believed, key, name)}: {why}"
-            lines.setdefault(kept, []).append(name)
+            lines.setdefault(f"{_as_believed(believed, key, name)}: {why}", []).append(name)
     return [f"servo {' and '.join(names)}: {line}" for line, names in lines.items()]
 
 
 def _as_believed(rig: Rig, key: str, axis: str) -> str:
-    """A value that was not seen: the rig file's, or the default that a file without it has."""
+    """What a value that was not seen is taken to be: the rig file's, or the default that a file
+    without it has."""
     scale, unit = UNITS.get(key, (1.0, ""))
     if not unit:
-        return "that of the rig file"
-    return f"{scale * rig.servo.pair(key)['xy'.index(axis)]:.3g} {unit} (rig file or its default)"
+        return f"{WORDS[key]} kept at that of the rig file"
+    value = rig.servo.pair(key)["xy".index(axis)]
+    if key == "acceleration_limit_rad_s2" and value >= Servo().acceleration_limit_rad_s2:
+        return f"no {WORDS[key]} assumed"
+    return f"{WORDS[key]} kept at {scale * value:.3g} {unit} (rig file or its default)"
 
 
 def _if_sure(value: Value | None) -> Value | None:
