@@ -176,7 +176,7 @@ def _investigate_and_report(
         remark=truth,
         recorded_here=here,
     )
-    for line in summary_lines(found, recorded_here=here):
+    for line in summary_lines(found, recorded_here=here, logs=len(logs)):
         say(line)
     say(f"report: {page}   numbers: {folder / 'results.json'}")
     return found

@@ -11,6 +11,7 @@ from calibration.gap.agreement import sentences
 from calibration.gap.findings import Findings, Named
 from calibration.gap.report.units import interval_words, key_words, parameter_unit, shown_unit, sig
 from experiments.gap.stages import locate_stage, name_stage, next_stage, prove_stage, stage
+from experiments.gap.when import when_words
 from experiments.gap.words import (
     VERDICT_WORDS,
     added_toml,
@@ -91,10 +92,11 @@ def write_gap_report(
         )
     ]
     by_log = set(sentences(found.by_log, names))  # a table of its own tells them
+    when = when_words(found, logs=len(names), files=not recorded_here)
     return write_page(
         folder / "gap.html",
         title="Where model and table disagree",
-        summary=[spoken(said, known) for said in (remark, *summary(found)) if said],
+        summary=[spoken(said, known) for said in (remark, when, *summary(found)) if said],
         origin=origin,
         sections=stages,
         template="gap.html",

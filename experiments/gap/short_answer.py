@@ -5,6 +5,7 @@ from collections.abc import Collection, Sequence
 from calibration.gap.decision_rule import DOUBTED_PROBABILITY
 from calibration.gap.findings import Findings
 from calibration.gap.report.units import effect_words, sig
+from experiments.gap.when import when_words
 from experiments.gap.words import (
     NO_EXPERIMENT,
     are_rivals,
@@ -59,9 +60,10 @@ def verdict(found: Findings, *, enough: bool, contradiction: str = "") -> list[s
     return lines
 
 
-def details(found: Findings) -> list[str]:
-    """Sentences: where it shows, what it changes, what to do next."""
-    lines = []
+def details(found: Findings, *, logs: int) -> list[str]:
+    """Sentences: when and where it shows, what it changes, what to do next; logs: of how many runs
+    of this rig."""
+    lines = [*filter(None, [when_words(found, logs=logs, files=False)])]
     for where in found.where[:2]:
         times = f"errors {sig(where.gap, 2)} times what noise alone gives"
         lines.append(f"It shows in {channel_words(where.channel)}, {where.region}: {times}.")

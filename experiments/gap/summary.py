@@ -7,6 +7,7 @@ from collections.abc import Mapping
 
 from calibration.gap.findings import Findings, Named
 from calibration.gap.report.units import interval_words, key_words, parameter_unit, sig
+from experiments.gap.when import when_words
 from experiments.gap.words import (
     are_rivals,
     channel_words,
@@ -19,12 +20,14 @@ from rig.effects import BY_NAME, Effect
 UNTESTABLE_SHOWN, NOTES_SHOWN, WHERE_SHOWN = 4, 3, 2
 
 
-def summary_lines(found: Findings, *, recorded_here: bool = True) -> list[str]:
+def summary_lines(found: Findings, *, recorded_here: bool = True, logs: int = 0) -> list[str]:
     """Lines for a terminal: verdict, where, effects, gap, servo, limits, next experiment, notes.
 
-    recorded_here: as of `experiments.gap.report.write_gap_report`.
+    recorded_here: as of `experiments.gap.report.write_gap_report`; logs: how many there are.
     """
     lines = [f"{found.verdict}{_sure(found)}: {found.sentence}"]
+    if when := when_words(found, logs=logs, files=not recorded_here):
+        lines.append(_line("when", when))
     for w in found.where[:WHERE_SHOWN]:
         where = f"{channel_words(w.channel)}, {w.region}"
         lines.append(

@@ -111,7 +111,8 @@ def _short(findings: Any, paths: Sequence[Path], calibration: Path, *, demo: boo
     said = verdict(findings, enough=not first, contradiction=beside.contradictions(rows))
     sentences = [*([first] if first else []), *said]
     of = [] if demo else [f"Of the runs {', '.join(path.name for path in paths)}."]
-    return ShortAnswer(sentences, rows, details(findings) + of, hidden_words() if demo else "")
+    more = details(findings, logs=len(paths)) + of
+    return ShortAnswer(sentences, rows, more, hidden_words() if demo else "")
 
 
 def _advice(runs: Sequence[Path]) -> str:

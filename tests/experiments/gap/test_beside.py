@@ -108,7 +108,7 @@ def test_a_true_value_that_a_well_kept_rig_may_have_is_not_missed():
 def test_nothing_is_called_sure_that_the_runs_cannot_show_or_that_contradicts():
     found = named(JOINT)
     assert verdict(found, enough=True) == ["Missing: play in the joints (sure: > 99 %)."]
-    more = details(found)
+    more = details(found, logs=2)
     assert any(
         "1 s ahead to 2 mm instead of 10 (noise alone would leave 1.9)" in line for line in more
     )

@@ -29,7 +29,9 @@ from calibration.gap.findings import (
 from calibration.gap.report.units import interval_words, key_words, parameter_unit, sig
 from experiments.gap import figures
 from experiments.gap.report import NOISES, write_gap_report
+from experiments.gap.short_answer import details
 from experiments.gap.summary import summary_lines
+from experiments.gap.when import when_words
 from experiments.gap.words import (
     added_toml,
     closed_loop_words,
@@ -67,6 +69,44 @@ def pages(tmp_path_factory):
         assert path == folder / "gap.html"
         found[name] = path.read_text(encoding="utf-8"), folder
     return found
+
+
+def of_bursts(*gaps: float, axis: str = "ball_x") -> Findings:
+    """Findings of a log of 40 s whose gap is 1 but in its first seconds, a second each."""
+    gap = np.ones(40)
+    gap[: len(gaps)] = gaps
+    time = Profile(axis, "time", "s", np.arange(41.0), gap, np.full(40, 60))
+    return replace(unknown(), profiles=(time,))
+
+
+def test_a_hand_at_the_ball_is_told_by_when_and_what_to_do(tmp_path: Path):
+    hand = of_bursts(1.0, 5.0, 4.0)
+    said = (
+        "Most of the ball's error lies in 1.0 to 2.0 s of 40 (a hand?): leave it out with --from 2."
+    )
+    lines = summary_lines(hand, recorded_here=False, logs=1)
+    assert lines[1] == f"  when       {said}"
+    page = write_gap_report(hand, tmp_path, names=["run.csv"], recorded_here=False)
+    assert "lies in 1.0 to 2.0 s of 40 (a hand?): leave it out with --from 2." in html.unescape(
+        words(page.read_text(encoding="utf-8"))
+    ).replace("\u00a0", " ")
+    assert "was the table touched then" in details(hand, logs=1)[0]
+    late = of_bursts(*np.ones(30), 5.0)
+    assert "cut it out of the log" in "".join(summary_lines(late, recorded_here=False, logs=1))
+
+
+@pytest.mark.parametrize(
+    ("found", "logs"),
+    [
+        (of_bursts(5.0), 2),  # whose times are not one
+        (of_bursts(*np.tile((4.0, 1.0), 20)), 1),  # all along
+        (of_bursts(1.2), 1),  # hardly an error
+        (of_bursts(5.0, axis="servo_x"), 1),  # no hand's
+        (nothing(), 1),
+    ],
+)
+def test_errors_that_come_all_along_are_not_told_by_when(found: Findings, logs: int):
+    assert when_words(found, logs=logs, files=True) == ""
 
 
 def test_the_page_names_the_rig_file_or_says_that_none_was_given(tmp_path, pages):
