@@ -31,6 +31,15 @@ class ShortAnswer:
 
 
 @dataclass(frozen=True, eq=False)
+class Clue:
+    """What there is to guess the demo's hidden play from: its released ball, and in words how far
+    it swings, and would with plays of known size."""
+
+    picture: CaptionedPicture
+    words: list[str]
+
+
+@dataclass(frozen=True, eq=False)
 class GapAnswer:
     """What the page shows of `rig gap`.
 
@@ -78,6 +87,8 @@ def find_gap(
     out.mkdir(parents=True)
     folder = writable(out)
     paths = list(logs) if logs is not None else demo_runs(folder, seed=seed, progress=progress)
+    if logs is None:
+        progress.show(clue(paths, folder, seed))
     findings = investigate(paths, None, progress=progress)
     progress("report", 0, 1)
     report = write_findings(
@@ -94,6 +105,18 @@ def find_gap(
     short = _short(findings, paths, calibration, demo=logs is None)
     write_whole(folder / ANSWER, json.dumps(asdict(short)).encode())
     return GapAnswer(short, report, pictures_of(folder), _plate_map(findings.maps), models)
+
+
+def clue(runs: Sequence[Path], folder: Path, seed: int) -> Clue:
+    """The clue of the demo's runs; its picture is written in `folder`. Errors as of `find_gap`."""
+    from experiments.gap.guess import clues
+    from experiments.records.recording import read_run
+    from experiments.reports.figures import ball_of_run, colour_of, save
+
+    released = next(run for run in runs if "free-release" in run.name)
+    figure = ball_of_run(read_run(released).log, colour_of("without"))
+    path = save(figure, folder, "guess", "simulated")
+    return Clue(CaptionedPicture(path, "The demo's ball, let go"), clues(runs, seed=seed))
 
 
 def _short(findings: Any, paths: Sequence[Path], calibration: Path, *, demo: bool) -> ShortAnswer:

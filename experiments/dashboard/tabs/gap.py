@@ -20,8 +20,10 @@ from experiments.dashboard.session.playback import Playback
 from experiments.dashboard.session.tasks import RunSummary
 from experiments.dashboard.session.worker_process import WorkerProcess, WorkItem
 from experiments.dashboard.tabs.gallery import Gallery
+from experiments.dashboard.tabs.guess import Guess
 from experiments.dashboard.view.elapsed import Elapsed
 from experiments.gap.beside import HEAD
+from experiments.gap.demo import DEMO_PLAY_RAD
 from experiments.gap.short_answer import WANTED, advice, missing_protocols
 from experiments.gap.words import spoken
 
@@ -178,6 +180,7 @@ class GapTab:
         controls.button(self._report, "gap report", self._download, everybody=True)
         self._clear: Any = gui.add_button("Take the map off the plate", color="gray", visible=False)
         controls.button(self._clear, "map", lambda page: self._lay(None))
+        self._guess = Guess(server, controls)
         self._gallery = Gallery(server, "Pictures")
         self._gui, self._demo = gui, False
         self._advised: list[str] | None = None
@@ -273,6 +276,7 @@ class GapTab:
         self._on, self._until, self._shows = -1, 0.0, False
         self._bar.value = 0.0
         self._stages.content = stage_lines(-1, False)
+        self._guess.end()
         self._does = "starting; it is faster while the table is stopped"
         self._elapsed.begin()
         self._ask(False)
@@ -292,8 +296,12 @@ class GapTab:
             self._bar.value = max(now, begin + (self._until - begin) * k / max(n, 1))
             words = plain(spoken(words))
             self._does = ": ".join(filter(None, (DOES.get(stage, plain(stage)), words)))
+        elif kind == "shown":
+            self._gallery.show([what.picture])
+            self._guess.ask(what.words)
         elif kind == "failed":
             self._does = ""
+            self._guess.end()
             self._words.content = f"**stopped**: {plain(what)}"
             self._ask(False)
         elif kind == "done":
@@ -316,6 +324,7 @@ class GapTab:
 
     def _end(self, answer: GapAnswer) -> None:
         self.answer, self._does = answer, ""
+        self._guess.end()
         self._bar.value = 100.0
         self._stages.content = stage_lines(4, True)
         self._show(answer)
@@ -333,6 +342,8 @@ class GapTab:
         lines.append(beside_list(without_truth(short.table) if hides else short.table))
         if short.truth:
             lines += [HIDDEN if hides else f"**{plain(short.truth)}**", OWN_TABLE]
+            if not (hides or earlier):
+                lines.append(self._guess.against(DEMO_PLAY_RAD))
         lines += map(plain, short.more)
         self._words.content = "\n\n".join(filter(None, lines))
         self._shows = True

@@ -34,7 +34,8 @@ STEPS = (
     (
         "Gap",
         "tick *Hide the truth* and press the **demo**: its own table has play that the model "
-        "lacks. Which axis has more, and how many degrees? It takes some minutes.",
+        "lacks. Which axis has more, and how many degrees? A field takes your guess, the analysis "
+        "some minutes.",
     ),
 )
 READ = 1  # the step that is reading alone

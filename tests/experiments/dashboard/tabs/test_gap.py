@@ -14,11 +14,13 @@ from experiments.dashboard.session.gap_tasks import (
     ANSWER,
     GapAnswer,
     ShortAnswer,
+    clue,
     newest_answer,
 )
 from experiments.dashboard.session.tasks import RunSummary, list_runs
 from experiments.dashboard.session.worker_process import WorkItem
 from experiments.dashboard.tabs.gap import GapTab, beside_list, good_runs, left_words
+from experiments.gap.demo import demo_runs
 from experiments.records.recording import write_run
 from rig.log import Log
 from tests.support.greyed import why
@@ -97,6 +99,29 @@ def test_undisturbed_completed_runs_are_ticked_and_what_they_lack_is_said(gap):
     rows[0] = replace(rows[0], table=1)
     with pytest.raises(ValueError, match="of several tables"):
         tab._chosen()
+
+
+def test_the_demo_gives_a_clue_and_compares_the_guess_with_the_truth(gap):
+    """From three runs of known length on: the picture, the words, two fields; then the truth."""
+    make, _, _, out = gap
+    tab = make()
+    tab.begin(None, None)
+    assert not any(one.visible for one in tab._guess._shown)
+    tab._on_message("shown", clue(demo_runs(out, seed=3), out, 3))
+    assert all(one.visible for one in tab._guess._shown)
+    said = tab._guess._words.content
+    assert "Guess before it ends" in said
+    assert said.count("degrees&#58;") == 4  # of known plays
+    assert [one.label for one in tab._gallery._images] == ["The demo's ball, let go"]
+    for axis, degrees in (("x", 1.5), ("y", 1.0)):
+        tab._guess._values[axis].now = degrees
+    short = ShortAnswer(["Missing: play in the joints."], [], truth="Hidden in the demo: 2.01")
+    tab._end(GapAnswer(short, out / "gap.html", [], None, None))
+    assert not any(one.visible for one in tab._guess._shown)
+    line = "**Your guess**: x 1.5, hidden 2.0; y 1.0, hidden 1.1 degrees."
+    assert line in tab._words.content
+    tab._hide(True)
+    assert "hidden 2.0" not in tab._words.content
 
 
 def test_runs_that_tell_the_effects_apart_are_ticked_alone():
