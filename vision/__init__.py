@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from vision.frames import Frame, Observation, Track
     from vision.overlay import draw_track
     from vision.plate.markers import MarkerLayout, default_layout, find_pose, track_pose
-    from vision.sources.camera_device import CameraSettings
     from vision.sources.source_errors import SourceError
     from vision.sources.sources import Source, open_source
     from vision.synthetic.synthetic import Renderer, Scene, virtual_camera, virtual_view
@@ -29,7 +28,6 @@ __all__ = [
     "Appearance",
     "BallCamera",
     "Camera",
-    "CameraSettings",
     "Frame",
     "MarkerLayout",
     "Observation",
@@ -57,7 +55,6 @@ __getattr__ = lazy_names(
         "frames": "Frame Observation Track",
         "overlay": "draw_track",
         "plate.markers": "MarkerLayout default_layout find_pose track_pose",
-        "sources.camera_device": "CameraSettings",
         "sources.source_errors": "SourceError",
         "sources.sources": "Source open_source",
         "synthetic.synthetic": "Renderer Scene virtual_camera virtual_view",

@@ -27,9 +27,5 @@ class GarbageError(SourceError, ValueError):
     """What arrived is no image: a corrupt JPEG, a broken header. Later frames may be sound."""
 
 
-class SettingsError(SourceError, OSError):
-    """A camera did not take a setting: it reads back another value."""
-
-
 class UserCameraError(SourceError, OSError):
     """A camera class from a user's file failed or breaks its contract."""

@@ -18,7 +18,7 @@ import numpy as np
 
 from vision.frames import Frame
 from vision.sources.addresses import without_password
-from vision.sources.camera_device import DEVICE, CameraSettings, open_camera
+from vision.sources.camera_device import DEVICE, open_camera
 from vision.sources.live import PATIENCE_S, Feed, LiveReader
 from vision.sources.mjpeg_http import HttpFeed, NotMultipartError
 from vision.sources.recorded import DEFAULT_FPS, RecordedFrames, open_file, open_folder
@@ -27,8 +27,6 @@ from vision.sources.source_errors import GarbageError, GoneError
 from vision.sources.stream import StreamFeed
 from vision.sources.user_camera import UserFeed, load_class, split_address
 
-__all__ = ["CameraSettings", "Source", "open_source"]
-
 STREAM = re.compile(r"^(rtsps?|https?|udp|tcp|rtmp)://")
 
 
@@ -36,33 +34,29 @@ def open_source(
     address: str | Path | int,
     *,
     fps: float | None = None,
-    settings: CameraSettings | None = None,
     start_s: float | None = None,
     patience_s: float = PATIENCE_S,
 ) -> Source:
     """Open any address: a video file, a folder of images, a stream (http, rtsp, udp), a camera by
     index or device path (/dev/video0), a camera class in a user's file ("mine.py:MyCamera").
 
-    `fps`: the rate of a folder, whose images carry no time (default 30); `settings`: what a camera
-    is set to; `patience_s`: how long a live source waits for something new before it raises
-    `StalledError`. Times of files are the container's. Those of live sources count from `start_s`
-    on `time.monotonic` (default: the opening) and are the middle of the exposure where it is known,
-    else the driver's or server's stamp, else the arrival.
+    `fps`: the rate of a folder, whose images carry no time (default 30); `patience_s`: how long a
+    live source waits for something new before it raises `StalledError`. Times of files are the
+    container's. Those of live sources count from `start_s` on `time.monotonic` (default: the
+    opening) and are the middle of the exposure where it is known, else the driver's or server's
+    stamp, else the arrival.
 
-    `FileNotFoundError`: nothing is there; `ValueError`: nothing can be decoded, `settings` for
-    something that is no camera, or a user's file without a class; a `SourceError`: troubles of a
-    live source.
+    `FileNotFoundError`: nothing is there; `ValueError`: nothing can be decoded, or a user's file
+    without a class; a `SourceError`: troubles of a live source.
     """
     text = str(address)
     user = split_address(text)
-    if settings is not None and not DEVICE.match(text):
-        raise ValueError(f"{text}: only a camera by index or device path takes settings")
     if user is not None:
         file, name = user
         make = load_class(file, name)
         return _live(text, lambda: UserFeed(file, name, make), patience_s, start_s)
     if DEVICE.match(text):
-        return _live(text, lambda: open_camera(text, settings), patience_s, start_s)
+        return _live(text, lambda: open_camera(text), patience_s, start_s)
     if STREAM.match(text):
         return _open_stream(text, patience_s, start_s)
     path = Path(text)
