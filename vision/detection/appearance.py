@@ -18,7 +18,6 @@ import numpy as np
 
 from vision.detection.pixels import adapted_table, fisher, mean_probability
 from vision.detection.rim import colour_is_smeared
-from vision.detection.rim_pixels import BLUR0
 
 BINS = 32
 NAMED = {
@@ -44,6 +43,9 @@ NOISE_FLOOR = 3.0
 # Below this many standard deviations between ball and surround the sign of the edge is not reliable
 # (a steel ball mirrors the plate); edges of either sign are then taken.
 SIGNED_ABOVE = 2.0
+# Scatter of coarsely stored colour, per share of the contrast and root of the radius: it moves the
+# edge by 0.3 px, and noise moves the centre the less the larger the ball is.
+SMEAR = 0.3
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,9 +56,8 @@ class Appearance:
     scaled so that a full edge is 1; `separation` is their distance in standard deviations; `table`
     (32768,) uint8 is 255 P(ball | colour), colour = b << 10 | g << 5 | r of 5 bits each; `fill` is
     the mean P of the ball's own pixels (low for a ball that mirrors the plate); `learned` says
-    whether all this was seen in images or assumed from a name; `blur_px` is the edge's blur
-    (standard deviation), `smeared` whether colour differences are stored more coarsely than
-    brightness, as JPEG and most video do.
+    whether all this was seen in images or assumed from a name; `smeared` whether colour differences
+    are stored more coarsely than brightness, as JPEG and most video do.
     """
 
     ball_bgr: np.ndarray
@@ -66,7 +67,6 @@ class Appearance:
     table: np.ndarray
     fill: float
     learned: bool
-    blur_px: float = BLUR0
     smeared: bool = False
 
     @property
@@ -116,13 +116,9 @@ class Appearance:
         v_px: float,
         radius_px: float,
         share: float,
-        blur_px: float = math.nan,
     ) -> Appearance:
-        """A copy moved by `share` (0..1) towards the disc's present colours.
-
-        Disc and image as in `learn`. `blur_px` of its edge, where measured, is taken over with ten
-        times that share.
-        """
+        """A copy moved by `share` (0..1) towards the disc's present colours; disc and image as in
+        `learn`."""
         ball, surround, direction, separation = _contrast(image, u_px, v_px, radius_px)
         return replace(
             self,
@@ -131,8 +127,6 @@ class Appearance:
             direction=self.direction + share * (direction - self.direction),
             separation=self.separation + share * (separation - self.separation),
             table=adapted_table(self.table, image, u_px, v_px, radius_px, share),
-            blur_px=self.blur_px
-            + (min(1.0, 10 * share) * (blur_px - self.blur_px) if math.isfinite(blur_px) else 0.0),
         )
 
     def here(
@@ -143,7 +137,8 @@ class Appearance:
         The contrast is ball minus surround along the appearance's own direction: 1 where both have
         the learned colours, negative where dark and bright are exchanged.
         """
-        ball, ring, direction, separation = _contrast(image, u_px, v_px, radius_px)
+        smear = SMEAR * math.sqrt(radius_px) if self.smeared else 0.0
+        ball, ring, direction, separation = _contrast(image, u_px, v_px, radius_px, smear)
         return direction, separation, float(self.direction @ (ball - ring))
 
 
@@ -162,10 +157,11 @@ def parse_colour(colour: str) -> np.ndarray:
 
 
 def _contrast(
-    image: np.ndarray, u: float, v: float, radius: float
+    image: np.ndarray, u: float, v: float, radius: float, smear: float = 0.0
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
     """(ball (3,), surround (3,), direction (3,), separation) of a disc, see `pixels.fisher`."""
-    return fisher(image, u, v, 0.8 * radius, 1.25 * radius, 1.7 * radius + 2.0, NOISE_FLOOR)
+    reach = 0.8 * radius, 1.25 * radius, 1.7 * radius + 2.0
+    return fisher(image, u, v, *reach, NOISE_FLOOR, smear)
 
 
 def _grid_bgr() -> np.ndarray:

@@ -1,7 +1,7 @@
 """Where is the disc near a guess, to a hundredth of a pixel, and how certain is that?
 
-`locate_ball` casts rays from the guess, takes the edge on each, fits an ellipse robustly
-(`outline`), then a model to the rim's pixels (`rim`), and joins the two. Pure functions; whether a
+`locate_ball` casts rays from the guess, takes the edge on each and fits an ellipse robustly
+(`outline`); then once more from there, a ray for every pixel of the turn. Pure functions; whether a
 result is accepted is decided by `vision.tracking.gate`. Rough guesses come from `blobs` and
 `hough_circles`.
 """
@@ -15,27 +15,24 @@ import numpy as np
 
 from vision.detection.appearance import SIGNED_ABOVE, Appearance
 from vision.detection.outline import (
-    BLURRED_STD,
-    FLAT_STD,
     LONG_REACH,
     Outline,
     retrace_on_consensus,
     trace_outline,
 )
 from vision.detection.pixels import mean_probability
-from vision.detection.rim import fit_rim
 
 # Deviations of the outline from an ellipse (blur, a shadow's edge) are common to some nine rays.
 RAYS_SHARE = 9.0
-APART_PX = 0.3  # between rim and rays, from which the rays count more
-# Share of the distance between rim and rays that the place between them may be off by; fitted with
-# `LACK_SHARE` to 960 images of two renderers that share no code, of other seeds than those of the
-# table (tests/benchmarks/vision/locating.py).
-DOUBT = 0.5
 UNSEEN_PX = 2.0  # that the centre may be off by, per share of the turn that shows no edge
-LEVELS_SHARE = 1.5  # the fit's noise with that of its levels, which neighbouring sectors share
-# Power of the first harmonic of what the rim's model lacks, over that of its third and fourth.
-LACK_SHARE = 6.0
+# Power of the first harmonic of an outline's deviations from an ellipse, which no residual shows,
+# over that of the third and fourth; fitted on images of two renderers that share no code, of other
+# seeds than those of the table (tests/benchmarks/vision/locating.py).
+LACK_SHARE = 1.5
+# How far light from one side moves an outline, per `tilt` of it, and how far that may be off [px]:
+# 0.02 to 0.1 in ten of those scenes.
+TILT_PX, TILT_DOUBT_PX = 0.05, 0.012
+DENSE_REACH = 0.2  # share of the radius that the dense rays search to both sides
 UNSIGNED_REACH = 0.25
 ROUGH_SHARE = 0.01  # of the radius: residual of an outline beside which another edge may run
 MAJORITY = 0.75  # share of the rays on their shared circle from which it outweighs an ellipse
@@ -58,9 +55,9 @@ class Detection:
     on the ellipse; `coverage` share of the full turn so covered, by eighths with at least one in
     three rays good; `framed` share of the turn that lies in the image; `contrast` 1 where ball and
     plate differ as in the appearance, negative where the sign is wrong; `residual_px` rms of the
-    inliers; `fill` and `spill` the mean P(ball) of the colours inside and just outside; `blur_px`
-    the edge's standard deviation, NaN where the rim was not fitted; `inside_px` the radius of the
-    picture in a mirroring ball, 0 where there is none; `flattening` as of `Outline`.
+    inliers; `fill` and `spill` the mean P(ball) of the colours inside and just outside; `inside_px`
+    the radius of the picture in a mirroring ball, 0 where there is none; `flattening` as of
+    `Outline`.
     """
 
     u_px: float
@@ -73,7 +70,6 @@ class Detection:
     residual_px: float
     fill: float
     spill: float
-    blur_px: float = math.nan
     inside_px: float = 0.0
     framed: float = 1.0
     flattening: float = 0.0
@@ -93,9 +89,8 @@ def locate_ball(
 
     `image` (h, w, 3) uint8 BGR; rays search from (1 - reach) to (1 + reach) times `radius_px`. A
     first outline is traced along the appearance's direction in colour space. Where it is not whole
-    and smooth, it is traced again along the direction measured at the spot. Then a model is fitted
-    to the rim's pixels (`vision.detection.rim`); where that fails, or without `polish`, the outline
-    stays.
+    and smooth, it is traced again along the direction measured at the spot. Then it is traced by
+    dense rays; where that fails, or without `polish`, the outline stays.
     """
     direction, signed, table = appearance.direction, appearance.signed, appearance.table
     if not appearance.learned:
@@ -115,12 +110,14 @@ def locate_ball(
         # Longer rays may meet again what the majority left out.
         majority = shared is not None and shared.share > MAJORITY
         line = line if majority and last.residual_px > line.residual_px else last
-    rim = _fitted(image, appearance, line) if polish else None
-    u, v, radius, sigma = _agreed(line, rim)
-    if rim is not None:
-        contrast = float(appearance.direction @ (rim[9:12] - rim[12:15]))
-    elif contrast is None:
-        contrast = appearance.here(image, u, v, radius)[2]
+    u, v, radius, sigma = line.u_px, line.v_px, line.radius_px, math.sqrt(_line_variance(line))
+    local, separation, here = appearance.here(image, u, v, radius)
+    contrast = here if contrast is None else contrast
+    if polish and line.share > WHOLE and line.coverage == 1.0 and separation > SIGNED_ABOVE:
+        fine = trace_outline(image, local, True, u, v, radius, DENSE_REACH, dense=True)
+        if fine is not None and _agrees(fine, line):
+            u, v = fine.u_px + TILT_PX * fine.tilt_u, fine.v_px + TILT_PX * fine.tilt_v
+            radius, sigma = fine.radius_px, math.sqrt(_dense_variance(fine))
     return Detection(
         u_px=u,
         v_px=v,
@@ -132,7 +129,6 @@ def locate_ball(
         residual_px=line.residual_px,
         fill=mean_probability(image, table, u, v, 0.0, 0.85 * radius),
         spill=mean_probability(image, table, u, v, 1.2 * radius + 1.0, 1.6 * radius + 2.0),
-        blur_px=math.nan if rim is None else float(rim[6]),
         framed=line.framed,
         flattening=line.flattening,
     )
@@ -144,48 +140,19 @@ def _plain(line: Outline) -> bool:
     return line.share > WHOLE and line.coverage == 1.0 and smooth
 
 
-def _fitted(image: np.ndarray, appearance: Appearance, line: Outline) -> np.ndarray | None:
-    """What `rim.polish` makes of the outline, or None where it is not to be trusted.
-
-    A stick or a hand across the outline has edges of its own, which rays tell apart better.
-    """
-    if line.share <= WHOLE or line.coverage < 1.0:
-        return None
-    radius, flat = line.radius_px, BLURRED_STD if _plain(line) else FLAT_STD
-    guess = line.u_px, line.v_px, radius
-    rim = fit_rim(image, *guess, appearance.blur_px, flat, appearance.smeared)
-    if not (math.isfinite(rim[3]) and rim[5] > 0.7 and rim[8] == 0.0):
-        return None
-    moved = math.hypot(rim[0] - line.u_px, rim[1] - line.v_px)
-    return (
-        rim if moved < 0.3 + 0.04 * radius and abs(rim[2] - radius) < 0.4 + 0.06 * radius else None
-    )
+def _agrees(fine: Outline, line: Outline) -> bool:
+    """Whether dense rays found the outline that sparse ones traced."""
+    moved, radius = math.hypot(fine.u_px - line.u_px, fine.v_px - line.v_px), line.radius_px
+    near = moved < 0.3 + 0.04 * radius and abs(fine.radius_px - radius) < 0.4 + 0.06 * radius
+    return near and fine.share > 0.7
 
 
-def _agreed(line: Outline, rim: np.ndarray | None) -> tuple[float, float, float, float]:
-    """(u, v, radius, sigma) px: a mixture of the rim's fit and the rays' outline.
-
-    Shadows and reflections that the rim's model lacks pull its fit away from the rays' outline, so
-    the rim counts less the farther the two are apart. With the share
-    w = 1 / (1 + (d / `APART_PX`)^4) of the rim at a distance d, the variance is w^2 of the rim's,
-    (1 - w)^2 of the rays', w (1 - w) d^2 over both axes for the mixture of two places, and
-    (`DOUBT` d)^2 over both axes for what both models lack: two estimates from the same pixels
-    differ by nothing but their errors.
-    """
-    rays = _line_variance(line)
-    if rim is None:
-        return line.u_px, line.v_px, line.radius_px, math.sqrt(rays)
-    apart = math.hypot(rim[0] - line.u_px, rim[1] - line.v_px)
-    w = 1.0 / (1.0 + (apart / APART_PX) ** 4)
-    u, v, radius = (w * float(rim[i]) + (1.0 - w) * line[i] for i in range(3))
-    mixed = 0.5 * (w * (1.0 - w) + DOUBT**2) * apart**2
-    return u, v, radius, math.sqrt(w**2 * _rim_variance(rim) + (1.0 - w) ** 2 * rays + mixed)
-
-
-def _rim_variance(rim: np.ndarray) -> float:
-    """Variance (px^2) of the rim's centre per axis: scatter, and what the model lacks, whose first
-    harmonic, which no residual shows, is larger than the next ones."""
-    return LEVELS_SHARE * float(rim[3]) + LACK_SHARE * float(rim[4])
+def _dense_variance(fine: Outline) -> float:
+    """Variance (px^2) of a densely traced outline's centre per axis: scatter, what shifts the edges
+    smoothly round the turn beyond that, and light from one side."""
+    lack = max(0.0, fine.lack_px2 - fine.variance_px2)
+    tilt = TILT_DOUBT_PX * math.hypot(fine.tilt_u, fine.tilt_v)
+    return fine.variance_px2 + LACK_SHARE * lack + tilt**2
 
 
 def _line_variance(line: Outline) -> float:

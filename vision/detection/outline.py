@@ -35,7 +35,11 @@ class Outline(NamedTuple):
     residuals alone; `residual_px` rms of the inliers; `good` rays on the ellipse and `inside` rays
     in the image (counts); `coverage` share of the turn that is covered: eighths with at least one
     in three rays on the ellipse; `framed` share of the turn that lies in the image: eighths with at
-    least half their rays; `flattening` half the difference of the half axes, share of the radius.
+    least half their rays; `flattening` half the difference of the half axes, share of the
+    radius; `lack_px2` power of the third and fourth harmonics of the residuals, per component: what
+    light, shadows and marks move smoothly round the turn, whose first harmonic no residual shows;
+    `tilt_u`, `tilt_v` first harmonic of the edges' steepness over the square of its mean: of light
+    from one side.
     """
 
     u_px: float
@@ -48,6 +52,9 @@ class Outline(NamedTuple):
     coverage: float
     framed: float
     flattening: float
+    lack_px2: float
+    tilt_u: float
+    tilt_v: float
 
     @property
     def share(self) -> float:
@@ -56,8 +63,11 @@ class Outline(NamedTuple):
 
 
 @kernel
-def rays_of(radius):
-    """Number of rays: one every two pixels of the outline [px], a multiple of 8 from 24 to 72."""
+def rays_of(radius, dense=False):
+    """Number of rays: one every two pixels of the outline [px], a multiple of 8 from 24 to 72; with
+    `dense` one every pixel, and at least 24."""
+    if dense:
+        return 8 * max(int(2.0 * np.pi * radius / 8.0 + 0.5), 3)
     return 8 * min(max(int(np.pi * radius / 8.0), 3), 9)
 
 
@@ -98,14 +108,14 @@ def _framed(image, u, v, radius, per):
 
 
 @kernel
-def trace_rays(image, u, v, radius, reach, w, signed):
+def trace_rays(image, u, v, radius, reach, w, signed, dense):
     """Edges along rays about a guess and the ellipse through them (`cast_rays`, `fit_ellipse`).
 
-    `image`, `u`, `v`, `radius`, `reach` and `signed` as in `trace_outline`; `w` (3,): colour
-    direction. Returns the fields of `Outline` in their order, (10,), and whether an ellipse was
-    found.
+    `image`, `u`, `v`, `radius`, `reach`, `signed` and `dense` as in `trace_outline`; `w` (3,):
+    colour direction. Returns the fields of `Outline` in their order, (13,), and whether an ellipse
+    was found.
     """
-    out, n_rays = np.zeros(10), rays_of(radius)
+    out, n_rays = np.zeros(13), rays_of(radius, dense)
     points, outer, strength, inside = cast_rays(image, u, v, radius, reach, w, n_rays, signed)
     typical = np.median(strength)
     if not typical > 0.0:
@@ -126,22 +136,46 @@ def trace_rays(image, u, v, radius, reach, w, signed):
         return out, False
     # Rays closer than a pixel's diagonal or so share their pixels, and so their noise.
     variance *= max(1.0, 2.2 * n_rays / (2.0 * np.pi * radius2))
-    return _described(image, u2, v2, radius2, variance, residual, good, inside, flat), True
+    out = _described(image, points, u2, v2, radius2, variance, residual, good, inside, flat)
+    mean = strength.mean()
+    for i in range(n_rays):
+        share = 2.0 * strength[i] / (n_rays * mean * mean)
+        out[11] += share * np.cos(2.0 * np.pi * i / n_rays)
+        out[12] += share * np.sin(2.0 * np.pi * i / n_rays)
+    return out, True
 
 
 @kernel
-def _described(image, u, v, radius, variance, residual, good, inside, flattening):
-    """The fields of `Outline` in their order, (10,), of an ellipse on the rays `good` (n,)."""
+def _lack(points, good, u, v, radius):
+    """Power (px^2) per component of the third and fourth harmonics of the distances of the points
+    (n, 2) px, those that are `good` (n,), from the circle."""
+    n, power = good.size, 0.0
+    for m in range(3, 5):
+        c, s = 0.0, 0.0
+        for i in range(n):
+            if good[i]:
+                off = np.sqrt((points[i, 0] - u) ** 2 + (points[i, 1] - v) ** 2) - radius
+                c += off * np.cos(2.0 * np.pi * m * i / n)
+                s += off * np.sin(2.0 * np.pi * m * i / n)
+        power += (c * c + s * s) / (n * n)
+    return power
+
+
+@kernel
+def _described(image, points, u, v, radius, variance, residual, good, inside, flattening):
+    """The fields of `Outline` in their order, (13,), of an ellipse on the rays `good` (n,), whose
+    edges are `points` (n, 2); the last two are left 0."""
     per, covered = good.size // 8, 0
     for i in range(8):
         on = 0
         for k in range(i * per, (i + 1) * per):
             on += good[k]
         covered += on > 0.34 * per
-    out = np.empty(10)
+    out = np.zeros(13)
     out[0], out[1], out[2], out[3], out[4] = u, v, radius, variance, residual
     out[5], out[6], out[7] = good.sum(), inside, covered / 8.0
     out[8], out[9] = _framed(image, u, v, radius, per), flattening
+    out[10] = _lack(points, good, u, v, radius)
     return out
 
 
@@ -201,15 +235,18 @@ def trace_outline(
     v: float,
     radius: float,
     reach: float,
+    *,
+    dense: bool = False,
 ) -> Outline | None:
     """The outline about a guess (px) in an image (h, w, 3) uint8 BGR.
 
     `direction` (3,) is the colour direction along which edges are taken; with `signed` they must
-    fall outwards along it. Rays run from (1 - reach) to (1 + reach) radii. None where the fit left
-    the rays' reach or rests on fewer than ten edges.
+    fall outwards along it. Rays run from (1 - reach) to (1 + reach) radii, with `dense` one for
+    every pixel of the turn. None where the fit left the rays' reach or rests on fewer than ten
+    edges.
     """
     place = float(u), float(v), float(radius)
-    values, found = trace_rays(image, *place, reach, direction, signed)
+    values, found = trace_rays(image, *place, reach, direction, signed, dense)
     return Outline(*values.tolist()) if found else None
 
 
@@ -236,12 +273,12 @@ def retrace_on_consensus(
 
 @kernel
 def _trace_shared(image, u, v, radius, first, w, signed, slack):
-    """The fields of `Outline`, (10,), through the edges within `slack` px of the circle that most
+    """The fields of `Outline`, (13,), through the edges within `slack` px of the circle that most
     of them share, and whether there is such an outline that differs from the circle (u, v, radius).
 
     `first` (n, 2) are the edges that long rays met; short rays from their shared circle follow.
     """
-    out = np.zeros(10)
+    out = np.zeros(13)
     shared = consensus_circle(first, radius, slack)
     if shared[3] == 0.0:
         return out, False
@@ -262,7 +299,7 @@ def _trace_shared(image, u, v, radius, first, w, signed, slack):
     u, v, radius, variance, rms, good, flat = fit_ellipse(
         points, weight, shared[0], shared[1], shared[2], slack, ROUND_STD
     )
-    return _described(image, u, v, radius, variance, rms, good, seen, flat), True
+    return _described(image, points, u, v, radius, variance, rms, good, seen, flat), True
 
 
 @kernel

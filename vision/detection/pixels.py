@@ -13,6 +13,8 @@ import numpy as np
 from vision.compiled import kernel
 from vision.detection.ellipse import solve_linear
 
+LUMA = np.array([0.114, 0.587, 0.299])  # ITU-R BT.601, in BGR order
+
 
 @kernel
 def colour_moments(image, u, v, r_in, r_out):
@@ -39,12 +41,13 @@ def colour_moments(image, u, v, r_in, r_out):
 
 
 @kernel
-def fisher(image, u, v, r_ball, r_in, r_out, floor):
+def fisher(image, u, v, r_ball, r_in, r_out, floor, smear):
     """Mean colours (3,) nearer than `r_ball` px and from `r_in` to `r_out`, direction (3,) and
     separation between them: Fisher's discriminant.
 
     direction = S^-1 d / (d' S^-1 d), d = ball - surround, S = scatter of both + `floor`^2 (grey
-    levels); separation = sqrt(d' S^-1 d).
+    levels); separation = sqrt(d' S^-1 d). Colour that is stored coarsely, as by JPEG, scatters by
+    `smear` times its share of d, but for luma (ITU-R BT.601), which is stored in full.
     """
     n_ball, ball, ball_scatter = colour_moments(image, u, v, 0.0, r_ball)
     n_ring, ring, ring_scatter = colour_moments(image, u, v, r_in, r_out)
@@ -54,6 +57,17 @@ def fisher(image, u, v, r_ball, r_in, r_out, floor):
     scatter = 0.5 * (ball_scatter + ring_scatter)
     for c in range(3):
         scatter[c, c] += floor * floor
+    if smear > 0.0:
+        luma, length, chroma = 0.0, 0.0, 0.0
+        for c in range(3):
+            luma += LUMA[c] * step[c]
+            length += LUMA[c] ** 2
+        for c in range(3):
+            chroma += (step[c] - luma) ** 2
+        for c in range(3):
+            for e in range(3):
+                across = (1.0 if c == e else 0.0) - LUMA[c] * LUMA[e] / length
+                scatter[c, e] += smear * smear * chroma * across
     whitened, _ = solve_linear(scatter, step)
     power = 0.0
     for c in range(3):

@@ -38,9 +38,7 @@ def locate_streak(
         found = locate_shrunk(image, appearance, u_px, v_px, radius_px, step)
     if found is None or found.inliers < WHOLE or found.coverage < 1.0:
         return None
-    return replace(
-        found, sigma_px=math.hypot(found.sigma_px, STREAK_SHARE * radius_px), blur_px=math.nan
-    )
+    return replace(found, sigma_px=math.hypot(found.sigma_px, STREAK_SHARE * radius_px))
 
 
 def locate_shrunk(
@@ -77,7 +75,6 @@ def locate_shrunk(
         radius_px=step * found.radius_px,
         sigma_px=step * found.sigma_px,
         residual_px=step * found.residual_px,
-        blur_px=step * found.blur_px,
     )
 
 
@@ -101,6 +98,5 @@ def mirror_silhouette(
         radius_px=radius,
         sigma_px=sigma,
         inliers=share,
-        blur_px=math.nan,
         inside_px=found.radius_px,
     )

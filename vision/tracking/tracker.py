@@ -208,9 +208,7 @@ class Tracker:
             self._views += 1
             if self._views % ADAPT_EVERY == 0:
                 place = u, v, found.radius_px
-                self.appearance = appearance.adapted(
-                    frame.image, *place, APPEARANCE_SHARE, found.blur_px
-                )
+                self.appearance = appearance.adapted(frame.image, *place, APPEARANCE_SHARE)
         if appearance.fill >= TELLING_FILL:
             distractors.update(
                 frame.image, appearance, u, v, self._radius_px, frame.t_s - motion.t_s

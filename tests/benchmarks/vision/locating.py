@@ -6,7 +6,7 @@ second world's (`tests/support/other_world`: looks askew, linear light, the plat
 the ball). Located from a guess that is 0.7 px off, its looks learnt at the first place of a scene;
 the lamp, the ball's colour and the plate are drawn anew for each of `--looks` looks. Errors are px
 per axis; "over sigma" is the rms of the error over what was claimed, 1 where sigma is honest.
-`rays` and `rim` are the two estimates that are joined (`vision.detection.detector`). One minute.
+`sparse` is the outline that the dense rays start from (`vision.detection.detector`). One minute.
 """
 
 import argparse
@@ -108,28 +108,24 @@ Off = tuple[float, float, float]  # error u, error v, sigma, px
 
 def judged(shots: Iterator[Shot], rng: np.random.Generator) -> list[dict[str, Off]]:
     """Each shot's errors by estimate; empty where the ball was not located."""
-    appearance, found, agreed = None, [], detector._agreed
+    appearance, found, variance = None, [], detector._line_variance
     for shot in shots:
         u, v, radius = shot.u_px, shot.v_px, shot.radius_px
         appearance = appearance or Appearance.learn(shot.image, u, v, radius)
         parts: dict[str, Off] = {}
 
-        def watched(line, rim, parts=parts, u=u, v=v):
-            rays = math.sqrt(detector._line_variance(line))
-            parts["rays"] = (line.u_px - u, line.v_px - v, rays)
-            if rim is not None:
-                sigma = math.sqrt(detector._rim_variance(rim))
-                parts["rim"] = (float(rim[0]) - u, float(rim[1]) - v, sigma)
-            return agreed(line, rim)
+        def watched(line, parts=parts, u=u, v=v):
+            parts["sparse"] = (line.u_px - u, line.v_px - v, math.sqrt(variance(line)))
+            return variance(line)
 
-        detector._agreed = watched
+        detector._line_variance = watched
         try:
             du, dv = GUESS_PX * rng.normal(size=2)
             disc = locate_ball(shot.image, appearance, u + du, v + dv, radius)
         finally:
-            detector._agreed = agreed
+            detector._line_variance = variance
         if disc is not None:
-            parts["joined"] = (disc.u_px - u, disc.v_px - v, disc.sigma_px)
+            parts["ours"] = (disc.u_px - u, disc.v_px - v, disc.sigma_px)
         found.append(parts)
     return found
 
@@ -137,15 +133,15 @@ def judged(shots: Iterator[Shot], rng: np.random.Generator) -> list[dict[str, Of
 def row(name: str, renderer: str, found: list[dict[str, Off]], goal_px: float) -> str:
     """A line of the table."""
     cells = [name, renderer, f"{goal_px:g}"]
-    for part in ("joined", "rays", "rim"):
+    for part in ("ours", "sparse"):
         off = np.array([f[part] for f in found if part in f])
         if not len(off):
             cells.append("-")
             continue
         error = math.sqrt(np.mean(off[:, :2] ** 2))
         ratio = math.sqrt(np.mean((off[:, :2] / off[:, 2:]) ** 2))
-        cells.append(f"{error:.4f}, {ratio:.2f}" + (f" ({len(off)})" if part == "rim" else ""))
-    missed = sum("joined" not in f for f in found)
+        cells.append(f"{error:.4f}, {ratio:.2f}")
+    missed = sum("ours" not in f for f in found)
     return "| " + " | ".join([*cells, f"{missed} of {len(found)}"]) + " |"
 
 
@@ -156,7 +152,7 @@ def main() -> None:
     chosen = options.parse_args()
     cv2.setNumThreads(1)
     looks = {look.name: look for look in STANDARD}
-    head = "scene", "renderer", "goal px", "joined: px, over sigma", "rays", "rim (n)", "missed"
+    head = "scene", "renderer", "goal px", "ours: px, over sigma", "sparse", "missed"
     print("| " + " | ".join(head) + " |\n" + "|---" * len(head) + "|")
     for name, goal in zip(SCENES, GOALS_PX, strict=True):
         for renderer in ("own", "second"):
