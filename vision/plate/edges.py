@@ -6,31 +6,11 @@ middle of a straight edge where it was. So each side is cut by short profiles, a
 (6 numbers) is fitted to all of them by robust Gauss-Newton steps.
 """
 
-from math import sqrt
-
+import cv2
 import numpy as np
 
 from vision.compiled import kernel
-from vision.lens import distort, distort_jacobian
-
-_distort, _distort_jacobian = kernel(distort), kernel(distort_jacobian)
-
-
-@kernel
-def _project(px, py, pose, pinhole, k):  # pragma: no cover - compiled
-    """Pixel (u, v) of plate point (px, py, 0), and d(u, v)/d(camera point) (2, 3), and R X."""
-    ax = pose[0, 0] * px + pose[0, 1] * py
-    ay = pose[1, 0] * px + pose[1, 1] * py
-    az = pose[2, 0] * px + pose[2, 1] * py
-    z = az + pose[2, 3]
-    x, y = (ax + pose[0, 3]) / z, (ay + pose[1, 3]) / z
-    fx, fy, cx, cy = pinhole
-    seen_x, seen_y = _distort(x, y, k)
-    u, v = fx * seen_x + cx, fy * seen_y + cy
-    xx, xy, yy = _distort_jacobian(x, y, k)
-    by_u = (fx * xx / z, fx * xy / z, -fx * (xx * x + xy * y) / z)
-    by_v = (fy * xy / z, fy * yy / z, -fy * (xy * x + yy * y) / z)
-    return u, v, by_u, by_v, (ax, ay, az)
+from vision.view import View
 
 
 @kernel
@@ -74,48 +54,54 @@ def _edge(profile, search, reach):  # pragma: no cover - compiled
     return at - middle - reach - 0.5 + area, contrast
 
 
-@kernel
-def _by_motion(nu, nv, by_u, by_v, arm, row):  # pragma: no cover - compiled
-    """Write the derivative (6,) of a point's place along (nu, nv) by rotation and translation."""
-    g0 = nu * by_u[0] + nv * by_v[0]
-    g1 = nu * by_u[1] + nv * by_v[1]
-    g2 = nu * by_u[2] + nv * by_v[2]
-    row[0] = arm[1] * g2 - arm[2] * g1
-    row[1] = arm[2] * g0 - arm[0] * g2
-    row[2] = arm[0] * g1 - arm[1] * g0
-    row[3], row[4], row[5] = g0, g1, g2
-
-
-@kernel
 def cut_edges(
-    image, points, along, pose, pinhole, lens, search, reach, ball
-):  # pragma: no cover - compiled
+    image: np.ndarray,
+    points: np.ndarray,
+    along: np.ndarray,
+    view: View,
+    search: int,
+    reach: int,
+    ball: tuple[float, float, float],
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Cut each expected edge of the print by a profile across it, in `image` (h, w, 3) uint8.
 
     `points` (m, 2) [m] lie on the sides in the plate frame; `along` (m, 2), unit vectors, run
-    clockwise along the side, so that the dark print lies to their right. `pose` (4, 4):
-    camera_from_plate; `pinhole`: (fx, fy, cx, cy); `lens`: (k1, k2, p1, p2, k3). The edge is
-    searched within `search` px of its expected place; its levels are taken `reach` px to both sides
-    of it. `ball` (u, v, radius) px hides what lies under it.
+    clockwise along the side, so that the dark print lies to their right. The edge is searched
+    within `search` px of the place that `view` expects; its levels are taken `reach` px to both
+    sides of it. `ball` (u, v, radius) px hides what lies under it.
 
     Returns offsets (m,) px towards the inside, contrasts (m,) (0: not seen), and the Jacobian (m,
     6) of the offset by the pose's small rotation [rad] and translation [m] in camera axes.
     """
-    m = points.shape[0]
-    offset, contrast, jacobian = np.zeros(m), np.zeros(m), np.zeros((m, 6))
+    camera, turn = view.camera, view.camera_from_plate[:3, :2]
+    # About the plate's turned axes, the rotation vector 0 is the pose itself.
+    places, by_all = cv2.projectPoints(
+        points @ turn.T,
+        np.zeros(3),
+        view.camera_from_plate[:3, 3],
+        camera.matrix,
+        camera.distortion,
+    )
+    by_pose = np.asarray(by_all).reshape(-1, 2, 15)[:, :, :6]  # of (u, v)
+    side = np.einsum("mij,mj->mi", by_pose[:, :, 3:], along @ turn.T)
+    # Clockwise on the plate is clockwise on the image (v down): the inside lies to the right.
+    inwards = side[:, ::-1] * (-1.0, 1.0) / np.hypot(*side.T)[:, None]
+    places = np.asarray(places).reshape(-1, 2)
+    offset, contrast = _cut(image, places, inwards, search, reach, np.array(ball, float))
+    return offset, contrast, np.einsum("mi,mij->mj", inwards, by_pose) * (contrast[:, None] > 0.0)
+
+
+@kernel
+def _cut(image, places, inwards, search, reach, ball):  # pragma: no cover - compiled
+    """Offsets and contrasts of `cut_edges`, of profiles through `places` (m, 2) px along the unit
+    vectors `inwards` (m, 2)."""
+    m = places.shape[0]
+    offset, contrast = np.zeros(m), np.zeros(m)
     half = search + reach + 1
     profile = np.empty(2 * half + 1)
     height, width = image.shape[0], image.shape[1]
     for i in range(m):
-        u, v, by_u, by_v, arm = _project(points[i, 0], points[i, 1], pose, pinhole, lens)
-        du, dv = 0.0, 0.0
-        for c in range(3):
-            turned = pose[c, 0] * along[i, 0] + pose[c, 1] * along[i, 1]
-            du += by_u[c] * turned
-            dv += by_v[c] * turned
-        length = sqrt(du * du + dv * dv)
-        # Clockwise on the plate is clockwise on the image (v down): the inside lies to the right.
-        nu, nv = -dv / length, du / length
+        u, v = places[i]
         if not (half + 1 < u < width - half - 2 and half + 1 < v < height - half - 2):
             continue
         gap_u, gap_v = u - ball[0], v - ball[1]
@@ -123,10 +109,10 @@ def cut_edges(
         if gap_u * gap_u + gap_v * gap_v < near * near:
             continue
         for s in range(2 * half + 1):
-            profile[s] = _sample(image, u + (s - half) * nu, v + (s - half) * nv)
+            far = s - half
+            profile[s] = _sample(image, u + far * inwards[i, 0], v + far * inwards[i, 1])
         offset[i], contrast[i] = _edge(profile, search, reach)
-        _by_motion(nu, nv, by_u, by_v, arm, jacobian[i])
-    return offset, contrast, jacobian
+    return offset, contrast
 
 
 @kernel

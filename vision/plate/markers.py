@@ -225,14 +225,13 @@ def residual_edges(
 
 def _cut(image, layout: MarkerLayout, view: View, ball, *, coarse: bool):
     points, along = layout.edge_points
-    hidden = np.array(ball if ball is not None else (-1e6, -1e6, 0.0))
-    pose, camera = view.camera_from_plate, view.camera
+    hidden = ball if ball is not None else (-1e6, -1e6, 0.0)
     # The levels beside an edge are read inside its own module of the print.
-    module_px = layout.module_m * camera.pinhole[0] / max(pose[2, 3], 1e-3)
+    module_px = layout.module_m * view.camera.pinhole[0] / max(view.camera_from_plate[2, 3], 1e-3)
     reach = 3 if module_px > 4.8 else 2
     # One module further lies the next edge, of the other sign; two further the next like this.
     search = int(np.clip(0.85 * module_px, 3, 12)) if coarse else _FINE
-    return cut_edges(image, points, along, pose, camera.pinhole, camera.lens, search, reach, hidden)
+    return cut_edges(image, points, along, view, search, reach, hidden)
 
 
 def _moved(pose: np.ndarray, motion: np.ndarray) -> np.ndarray:
