@@ -137,28 +137,18 @@ def trace_rays(image, u, v, radius, reach, w, signed, dense):
     # Rays closer than a pixel's diagonal or so share their pixels, and so their noise.
     variance *= max(1.0, 2.2 * n_rays / (2.0 * np.pi * radius2))
     out = _described(image, points, u2, v2, radius2, variance, residual, good, inside, flat)
-    mean = strength.mean()
-    for i in range(n_rays):
-        share = 2.0 * strength[i] / (n_rays * mean * mean)
-        out[11] += share * np.cos(2.0 * np.pi * i / n_rays)
-        out[12] += share * np.sin(2.0 * np.pi * i / n_rays)
+    out[11], out[12] = _harmonic(strength / strength.mean() ** 2, 1)
     return out, True
 
 
 @kernel
-def _lack(points, good, u, v, radius):
-    """Power (px^2) per component of the third and fourth harmonics of the distances of the points
-    (n, 2) px, those that are `good` (n,), from the circle."""
-    n, power = good.size, 0.0
-    for m in range(3, 5):
-        c, s = 0.0, 0.0
-        for i in range(n):
-            if good[i]:
-                off = np.sqrt((points[i, 0] - u) ** 2 + (points[i, 1] - v) ** 2) - radius
-                c += off * np.cos(2.0 * np.pi * m * i / n)
-                s += off * np.sin(2.0 * np.pi * m * i / n)
-        power += (c * c + s * s) / (n * n)
-    return power
+def _harmonic(values, m):
+    """Amplitudes of cos mt and sin mt in values (n,) round the turn."""
+    c, s, n = 0.0, 0.0, values.size
+    for i in range(n):
+        c += 2.0 / n * values[i] * np.cos(2.0 * np.pi * m * i / n)
+        s += 2.0 / n * values[i] * np.sin(2.0 * np.pi * m * i / n)
+    return c, s
 
 
 @kernel
@@ -175,7 +165,13 @@ def _described(image, points, u, v, radius, variance, residual, good, inside, fl
     out[0], out[1], out[2], out[3], out[4] = u, v, radius, variance, residual
     out[5], out[6], out[7] = good.sum(), inside, covered / 8.0
     out[8], out[9] = _framed(image, u, v, radius, per), flattening
-    out[10] = _lack(points, good, u, v, radius)
+    off = np.zeros(good.size)
+    for i in range(good.size):
+        if good[i]:
+            off[i] = np.sqrt((points[i, 0] - u) ** 2 + (points[i, 1] - v) ** 2) - radius
+    for m in range(3, 5):
+        c, s = _harmonic(off, m)
+        out[10] += 0.25 * (c * c + s * s)
     return out
 
 
