@@ -9,7 +9,6 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
 
 import cv2
 import numpy as np
@@ -19,26 +18,6 @@ from vision.sources.live import Feed
 from vision.sources.source_errors import GarbageError, GoneError
 
 DEVICE = re.compile(r"^(\d+|/dev/(video\d+|v4l/.+))$")
-
-
-class Capture(Protocol):
-    """The methods of `cv2.VideoCapture` that are used here."""
-
-    def isOpened(self) -> bool:
-        """Whether the camera or file could be opened."""
-        ...
-
-    def read(self) -> tuple[bool, np.ndarray]:
-        """Wait for the next frame: whether there is one, and its image (h, w, 3) uint8 BGR."""
-        ...
-
-    def get(self, propId: int, /) -> float:
-        """The value of a property cv2.CAP_PROP_*, in the driver's unit; 0 where it has none."""
-        ...
-
-    def release(self) -> None:
-        """Free the camera or file."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -63,7 +42,9 @@ def backends(platform: str = sys.platform) -> tuple[Backend, ...]:
     return (MSMF, DSHOW) if platform == "win32" else (ANY,)
 
 
-def capture(target: str | int, api: int = cv2.CAP_ANY, params: list[int] | None = None) -> Capture:
+def capture(
+    target: str | int, api: int = cv2.CAP_ANY, params: list[int] | None = None
+) -> cv2.VideoCapture:
     """OpenCV's capture of `target`, a file, address or camera index; its libraries are kept from
     printing.
 
@@ -86,7 +67,7 @@ class CameraFeed(Feed):
 
     def __init__(
         self,
-        device: Capture,
+        device: cv2.VideoCapture,
         backend: Backend,
         address: str,
         now: Callable[[], float] = time.monotonic,
@@ -141,7 +122,7 @@ def open_camera(
     address: str,
     *,
     candidates: tuple[Backend, ...] | None = None,
-    opener: Callable[[str | int, int], Capture] = capture,
+    opener: Callable[[str | int, int], cv2.VideoCapture] = capture,
 ) -> CameraFeed:
     """Open the camera `address`, an index or device path, with the first of the `candidates`
     (default: `backends()`) that answers; `opener` makes the capture.

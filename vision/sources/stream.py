@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from vision.sources.addresses import without_password
-from vision.sources.camera_device import Capture, capture
+from vision.sources.camera_device import capture
 from vision.sources.live import Feed
 from vision.sources.source_errors import GoneError
 
@@ -29,7 +29,7 @@ class StreamFeed(Feed):
         limits = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, limit_ms]
         limits += [cv2.CAP_PROP_READ_TIMEOUT_MSEC, limit_ms]
         self._address = without_password(address)
-        self._device: Capture = capture(address, cv2.CAP_FFMPEG, limits)
+        self._device = capture(address, cv2.CAP_FFMPEG, limits)
         if not self._device.isOpened():
             self._device.release()
             raise GoneError(
