@@ -65,9 +65,9 @@ class Outline(NamedTuple):
 @kernel
 def rays_of(radius, dense=False):
     """Number of rays: one every two pixels of the outline [px], a multiple of 8 from 24 to 72; with
-    `dense` one every pixel, and at least 24."""
+    `dense` one every pixel, from 24 to 480."""
     if dense:
-        return 8 * max(int(2.0 * np.pi * radius / 8.0 + 0.5), 3)
+        return 8 * min(max(int(2.0 * np.pi * radius / 8.0 + 0.5), 3), 60)
     return 8 * min(max(int(np.pi * radius / 8.0), 3), 9)
 
 

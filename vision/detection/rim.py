@@ -21,12 +21,14 @@ def colour_is_smeared(image: np.ndarray, u_px: float, v_px: float, radius_px: fl
     x0, y0 = max(0, int(u_px - reach)), max(0, int(v_px - reach))
     window = image[y0 : max(0, int(v_px + reach)) + 1, x0 : max(0, int(u_px + reach)) + 1]
     y, x = np.indices(window.shape[:2])
-    bins = ((np.hypot(x + x0 - u_px, y + y0 - v_px) - radius_px + BESIDE_PX) / BIN_PX).astype(int)
-    near = (bins >= 0) & (bins < round(2.0 * BESIDE_PX / BIN_PX))
-    counts = np.maximum(np.bincount(bins[near]), 1)
-    across = np.stack([np.bincount(bins[near], window[near][:, c]) / counts for c in range(3)], 1)
-    if len(across) < 2:
+    off = np.hypot(x + x0 - u_px, y + y0 - v_px) - radius_px
+    near = np.abs(off) < BESIDE_PX
+    bins = ((off[near] + BESIDE_PX) / BIN_PX).astype(int)
+    counts = np.bincount(bins)
+    across = np.stack([np.bincount(bins, window[near][:, c]) for c in range(3)], 1)[counts > 0]
+    if len(across) < 6:
         return False
+    across /= counts[counts > 0, None]
     luma = across @ LUMA
     colour = across - luma[:, None]
     wider_px2 = _width_px(colour @ (colour[0] - colour[-1])) ** 2 - _width_px(luma) ** 2
