@@ -208,7 +208,7 @@ class Acquisition:
             return None
         (score, best), others = ranked[0], ranked[1:]
         n, lasted_s, moves = len(best.times), best.last_s - best.times[0], best.travel(reach) > 1.0
-        if n < 0.6 * best.looks or (not moves and best.other):
+        if n < 0.6 * best.looks or (not moves and (best.other or best.leapt)):
             return None
         ahead = score / max((s for s, _ in others[:1]), default=1e-9)
         if self._is_like_known(best, frame.image):

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from vision.tracking.sightings import FAINT, FLAT, Sighting
+from vision.tracking.sightings import FAINT, FLAT, Sighting, same_place
 
 # Of the image's longer side: a mark at the edge of a plate tilted by 6 degrees shifts by 1 %.
 TRAVEL = 0.03
@@ -74,6 +74,13 @@ class Thing:
     def radius_px(self) -> float:
         """Median radius (px)."""
         return float(np.median([s.seen.radius_px for s in self.sightings]))
+
+    @property
+    def leapt(self) -> bool:
+        """Whether it was elsewhere a look before: no ball at rest starts so fast, and what was seen
+        last may be another thing, which other light shows."""
+        before = self.sightings[-1 if self.glance is not None else -2 :][:1]
+        return not all(same_place(self.last, s) for s in before)
 
     @property
     def is_cut(self) -> bool:

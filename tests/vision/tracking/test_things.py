@@ -51,6 +51,14 @@ def test_a_cell_of_a_printed_marker_is_no_ball_until_it_travels():
     assert told == [False, True, True]
 
 
+def test_what_leapt_since_the_look_before_may_be_another_thing():
+    """As a ball's shadow, which other light shows; a ball that starts from rest does not leap."""
+    leaps = watched(lambda k: sighting(100 + 15 * (k == 9), 100))
+    starts = watched(lambda k: sighting(100 + 5 * (k == 9), 100))
+    once = watched(lambda k: sighting(100, 100), looks=1)
+    assert [things.all[0].leapt for things in (leaps, starts, once)] == [True, False, False]
+
+
 def test_screws_are_twins_and_a_ball_among_them_has_none():
     screws = [lambda k, u=u: sighting(u, 60, 5, bgr=(40, 40, 40)) for u in (50, 590)]
     ball = lambda k: sighting(300, 200, 5, bgr=(40, 120, 200))  # noqa: E731
