@@ -130,14 +130,15 @@ class Appearance:
         )
 
     def here(
-        self, image: np.ndarray, u_px: float, v_px: float, radius_px: float
+        self, image: np.ndarray, u_px: float, v_px: float, radius_px: float, *, fine: bool = False
     ) -> tuple[np.ndarray, float, float]:
         """(direction (3,), separation, contrast) measured at the disc (u_px, v_px, radius_px).
 
         The contrast is ball minus surround along the appearance's own direction: 1 where both have
-        the learned colours, negative where dark and bright are exchanged.
+        the learned colours, negative where dark and bright are exchanged. A `fine` direction is the
+        one in which a known edge lies best: where colour is `smeared`, it leans on brightness.
         """
-        smear = SMEAR * math.sqrt(radius_px) if self.smeared else 0.0
+        smear = SMEAR * math.sqrt(radius_px) if fine and self.smeared else 0.0
         ball, ring, direction, separation = _contrast(image, u_px, v_px, radius_px, smear)
         return direction, separation, float(self.direction @ (ball - ring))
 

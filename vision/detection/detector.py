@@ -111,7 +111,7 @@ def locate_ball(
         majority = shared is not None and shared.share > MAJORITY
         line = line if majority and last.residual_px > line.residual_px else last
     u, v, radius, sigma = line.u_px, line.v_px, line.radius_px, math.sqrt(_line_variance(line))
-    local, separation, here = appearance.here(image, u, v, radius)
+    local, separation, here = appearance.here(image, u, v, radius, fine=True)
     contrast = here if contrast is None else contrast
     if polish and line.share > WHOLE and line.coverage == 1.0 and separation > SIGNED_ABOVE:
         fine = trace_outline(image, local, True, u, v, radius, DENSE_REACH, dense=True)
