@@ -13,9 +13,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from calibration.gap.decision_rule import SURE_Z
+from calibration.gap.decision_rule import DOUBTED_PROBABILITY, SURE_Z
 from calibration.gap.held_out import gained, held_out
-from calibration.gap.name.decide import Decision
+from calibration.gap.name.decide import Decision, verdict_of
 from calibration.gap.unnamed.basis import WINDOWS_S, UnnamedTerm
 from calibration.gap.unnamed.wording import when
 from rig.prediction.innovations import Signals
@@ -72,6 +72,27 @@ def counts(rest: Decision) -> bool:
         if d > SURE_Z * se:
             return True
     return False
+
+
+def agreed(rest: Decision, whole: Decision) -> tuple[Decision, tuple[str, ...]]:
+    """The decision on the rest in which a name is certain only where the selection on the whole
+    found it as well, hand or not; and the reasons in words. The rest was chosen by the misfit of a
+    model, and still holds what a hand did before and after.
+    """
+    known = {one.name for one in whole.naming.accepted}
+    accepted = tuple(
+        one
+        if one.name in known
+        else replace(one, explained=min(one.explained, DOUBTED_PROBABILITY))
+        for one in rest.accepted
+    )
+    reasons = tuple(
+        f"not certain: {one.name}: only the part without the hand tells it"
+        for one in accepted
+        if one.name not in known
+    )
+    verdict = verdict_of(accepted, rest.unnamed) if accepted else rest.verdict
+    return replace(rest, accepted=accepted, verdict=verdict), reasons
 
 
 def note(term: UnnamedTerm) -> str:

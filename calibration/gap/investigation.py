@@ -101,7 +101,8 @@ def investigate(
     if touches and (rest := hands.let_go(runs, touches)):
         of_rest, more = _decided(begun(rest)[0], report)
         if hands.counts(of_rest):
-            decision, refuted = of_rest, (hands.note(touches), *more)
+            decision, doubts = hands.agreed(of_rest, decision)
+            refuted = (hands.note(touches), *more, *doubts)
     notes += refuted
     report("name", len(NamingStep), len(NamingStep))
     report("add and prove", 0, 1)

@@ -1,5 +1,6 @@
 """Hands at the ball that nobody recorded: what they did is left out, the rest is asked anew."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -72,8 +73,39 @@ def test_a_ball_that_is_pushed_most_of_the_time_is_not_let_go():
     assert hands.let_go([run()], pushes(windows)) == []
 
 
+def test_a_name_is_certain_where_the_whole_tells_it_too():
+    """A play of two degrees was certain on a part of a recording of a table that shows none."""
+
+    @dataclass(frozen=True)
+    class Name:
+        name: str
+        margin: float = 9.0
+        explained: float = 1.0
+
+    @dataclass(frozen=True)
+    class Told:
+        accepted: tuple[Name, ...]
+        unnamed: None = None
+        verdict: str = "named"
+        naming: Any = None
+
+    known, new = Name("level_offset"), Name("joint_backlash")
+    whole: Any = Told((), naming=SimpleNamespace(accepted=(known,)))
+    both: Any = Told((known, new))
+    found, reasons = hands.agreed(both, whole)
+    assert [one.explained for one in found.accepted] == [1.0, 0.5]
+    assert found.verdict == "named"
+    assert reasons == ("not certain: joint_backlash: only the part without the hand tells it",)
+    alone: Any = Told((new,))
+    assert hands.agreed(alone, whole)[0].verdict == "undecided"
+    none: Any = Told((), verdict="nothing-missing")
+    assert hands.agreed(none, whole) == (none, ())
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize(("world", "name"), [("touched_bowl", "plate_bowl")])
+@pytest.mark.parametrize(
+    ("world", "name"), [("touched_bowl", "plate_bowl"), ("touched_crooked", "level_offset")]
+)
 def test_an_effect_is_found_though_a_hand_pushes_the_ball(world: str, name: str, tmp_path: Path):
     """Beside the pushes nothing could be proved, and they were all that was told."""
     columns, rig, _ = WORLDS[world](3803)
