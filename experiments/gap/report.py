@@ -27,6 +27,7 @@ from experiments.gap.words import (
 from experiments.records.run_folder import read_meta, write_results
 from experiments.reports.figures import SOURCES
 from experiments.reports.report import Block, Code, Section, Table, write_page
+from rig.files import put_aside
 from rig.rigfile import write_rig
 
 B = TypeVar("B", bound=Block | None)
@@ -50,15 +51,15 @@ def write_findings(
     """Write all files of an analysis in `folder`, and return the path of the page gap.html.
 
     These are results.json, the extended model as rig.toml (where something was added, else one of
-    an earlier analysis is removed), and the page with its figures. names: of the logs; rig_file:
-    the one that was given; of: the other arguments of `write_gap_report`. OSError: the folder
-    cannot be written.
+    an earlier analysis becomes rig.toml.1), and the page with its figures. names: of the logs;
+    rig_file: the one that was given; of: the other arguments of `write_gap_report`. OSError: the
+    folder cannot be written.
     """
     write_results(folder, found.to_json())
     if found.rig_after is not None and (found.effects or found.unknown):
         write_rig(found.rig_after, folder / "rig.toml")
-    else:
-        (folder / "rig.toml").unlink(missing_ok=True)
+    elif (folder / "rig.toml").exists():
+        put_aside(folder / "rig.toml")
     return write_gap_report(found, folder, names=names, rig_file=rig_file, **of)
 
 

@@ -88,6 +88,7 @@ def test_the_report_tells_its_units_and_its_rig_file_is_read_again(rig_file: Pat
     nothing = replace(found, verdict="nothing-missing", effects=(), rig_after=None)
     write_findings(nothing, tmp_path / "gap", names=["a"], rig_file=rig_file)
     assert not (tmp_path / "gap" / "rig.toml").exists(), "of an earlier analysis"
+    assert read_rig(tmp_path / "gap" / "rig.toml.1") == rig, "and kept: it may hold tolerances"
 
 
 def test_rig_effects_lists_those_of_a_rig_file(rig_file: Path, capsys):
