@@ -4,8 +4,9 @@ A recording that somebody touched holds two things that are not the model: the h
 model lacks. The first shows as short pushes at several times (`calibration.gap.unnamed.forces`).
 Nothing can be proved beside it: a prediction that a hand spoils is as wrong with a name as without.
 So what was seen during the pushes is left out, as it is where a recording tells of them, and the
-rest is asked anew. Its answer counts where its model predicts the rest better 1 s ahead, for
-certain; if not, that on the whole stands.
+rest is asked anew. Its answer counts where its model predicts the rest's ball better 1 s ahead than
+that of the whole, for certain; if not, the answer to the whole stands. A single push, and a ball
+that is seen on one axis alone, are asked about as they are: there are no pushes to leave out.
 """
 
 from collections.abc import Sequence
@@ -15,6 +16,7 @@ import numpy as np
 
 from calibration.gap.decision_rule import DOUBTED_PROBABILITY, SURE_Z
 from calibration.gap.held_out import gained, held_out
+from calibration.gap.model.parameters import BALL
 from calibration.gap.name.decide import Decision, verdict_of
 from calibration.gap.unnamed.basis import WINDOWS_S, UnnamedTerm
 from calibration.gap.unnamed.wording import when
@@ -23,7 +25,7 @@ from rig.prediction.innovations import Signals
 # Chosen: longer than a hand takes to catch a ball, push it or put it back, shorter than wind lasts.
 LONGEST_S = 3.0
 MARGIN_S = WINDOWS_S[0]  # the shortest push that is looked for: begins and ends are no surer
-FEWEST = 0.5  # share of the exposures that has to be left; chosen
+FEWEST = 0.5  # share of a run's exposures that has to be left; chosen
 
 
 def touches(decision: Decision) -> UnnamedTerm | None:
@@ -41,13 +43,15 @@ def touches(decision: Decision) -> UnnamedTerm | None:
 
 
 def let_go(runs: Sequence[Signals], term: UnnamedTerm) -> list[Signals]:
-    """The runs without the exposures of the pushes; none where too few would be left."""
+    """The runs without the exposures of the pushes; none where one would keep too few."""
     found = []
     for i, run in enumerate(runs):
         own = [w for w, of in zip(term.windows_s, term.runs, strict=True) if of == i]
         found.append(_without(run, own))
-    before, after = (sum(len(run.exposed_s) for run in some) for some in (runs, found))
-    return found if after >= FEWEST * before else []
+    enough = (
+        len(a.exposed_s) >= FEWEST * len(b.exposed_s) for a, b in zip(found, runs, strict=True)
+    )
+    return found if all(enough) else []
 
 
 def _without(run: Signals, windows_s: Sequence[tuple[float, float]]) -> Signals:
@@ -62,16 +66,17 @@ def _without(run: Signals, windows_s: Sequence[tuple[float, float]]) -> Signals:
     return replace(run, exposed_s=t[kept], ball_m=run.ball_m[kept], fresh=fresh[kept])
 
 
-def counts(rest: Decision) -> bool:
-    """Whether the model of the decision on the rest predicts it better than the one as it came."""
-    outputs = rest.state.evidence.outputs
-    before = replace(rest.naming.before, evidence=rest.state.evidence)
-    without, with_it = held_out(before, outputs), held_out(rest.state, outputs)
-    for output in without:
-        d, se = gained(without[output], with_it[output])
-        if d > SURE_Z * se:
-            return True
-    return False
+def counts(rest: Decision, whole: Decision) -> bool:
+    """Whether the ball of the rest is predicted better by the model of its own decision than by
+    that of the decision on the whole, fitted to it anew."""
+    if BALL not in rest.state.evidence.outputs:
+        return False
+    before = replace(whole.state, evidence=rest.state.evidence)
+    without, with_it = (held_out(state, (BALL,)) for state in (before, rest.state))
+    if BALL not in without:
+        return False
+    d, se = gained(without[BALL], with_it[BALL])
+    return d > SURE_Z * se
 
 
 def agreed(rest: Decision, whole: Decision) -> tuple[Decision, tuple[str, ...]]:

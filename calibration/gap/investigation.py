@@ -100,7 +100,7 @@ def investigate(
     touches = hands.touches(decision)
     if touches and (rest := hands.let_go(runs, touches)):
         of_rest, more = _decided(begun(rest)[0], report)
-        if hands.counts(of_rest):
+        if hands.counts(of_rest, decision):
             decision, doubts = hands.agreed(of_rest, decision)
             refuted = (hands.note(touches), *more, *doubts)
     notes += refuted

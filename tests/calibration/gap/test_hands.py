@@ -71,6 +71,7 @@ def test_a_push_is_of_its_run_alone():
 def test_a_ball_that_is_pushed_most_of_the_time_is_not_let_go():
     windows = [(3.0 * k, 3.0 * k + 1.5) for k in range(6)]
     assert hands.let_go([run()], pushes(windows)) == []
+    assert hands.let_go([run(), run()], pushes(windows, [1] * 6)) == []
 
 
 def test_a_name_is_certain_where_the_whole_tells_it_too():
