@@ -118,17 +118,13 @@ def locate_ball(
         # Longer rays may meet again what the majority left out.
         majority = shared is not None and shared.share > MAJORITY
         line = line if majority and last.residual_px > line.residual_px else last
-    u, v, radius, sigma = line.u_px, line.v_px, line.radius_px, math.sqrt(_line_variance(line))
-    local, separation, here = appearance.here(image, u, v, radius, fine=True)
+    local, separation, here = appearance.here(
+        image, line.u_px, line.v_px, line.radius_px, fine=True
+    )
     contrast = here if contrast is None else contrast
-    if polish and line.share > WHOLE and line.coverage == 1.0 and separation > SIGNED_ABOVE:
-        near = max(DENSE_REACH, LEAST_REACH_PX / radius)
-        fine = trace_outline(image, local, True, u, v, radius, near, dense=True)
-        if fine is not None and _agrees(fine, line):
-            u, v = fine.u_px + TILT_PX * fine.tilt_u, fine.v_px + TILT_PX * fine.tilt_v
-            radius, sigma = fine.radius_px, math.sqrt(_dense_variance(fine))
-    if radius < TINY_PX:
-        sigma = math.hypot(sigma, TINY_DOUBT_PX)
+    clear = line.share > WHOLE and line.coverage == 1.0 and separation > SIGNED_ABOVE
+    fine = _dense(image, local, line) if polish and clear else None
+    u, v, radius, sigma = _centre(line, fine)
     return Detection(
         u_px=u,
         v_px=v,
@@ -143,6 +139,26 @@ def locate_ball(
         framed=line.framed,
         flattening=line.flattening,
     )
+
+
+def _dense(image: np.ndarray, direction: np.ndarray, line: Outline) -> Outline | None:
+    """The outline traced again by dense rays, or None where they found another one."""
+    u, v, radius = line.u_px, line.v_px, line.radius_px
+    near = max(DENSE_REACH, LEAST_REACH_PX / radius)
+    fine = trace_outline(image, direction, True, u, v, radius, near, dense=True)
+    return fine if fine is not None and _agrees(fine, line) else None
+
+
+def _centre(line: Outline, fine: Outline | None) -> tuple[float, float, float, float]:
+    """Centre, radius and standard deviation of the centre per axis [px], from the dense outline
+    where there is one."""
+    if fine is None:
+        u, v, radius, variance = line.u_px, line.v_px, line.radius_px, _line_variance(line)
+    else:
+        u, v = fine.u_px + TILT_PX * fine.tilt_u, fine.v_px + TILT_PX * fine.tilt_v
+        radius, variance = fine.radius_px, _dense_variance(fine)
+    doubt = TINY_DOUBT_PX if radius < TINY_PX else 0.0
+    return u, v, radius, math.hypot(math.sqrt(variance), doubt)
 
 
 def _plain(line: Outline) -> bool:
