@@ -151,9 +151,7 @@ class Log:
     def ball(self, delay_s: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
         """Return the times (k,) [s] and positions (k, 2) [m] of the new observations alone.
 
-        A time is the exposure's, `ball_exposed_s`; where that is no number, or OTHER_CLOCK_S from
-        `t_s` and so of another clock, `t_s` of the tick in which the observation became usable
-        minus `delay_s` (the camera's delay [s]; 0 keeps the tick's time). A row that repeats the
+        The times are `exposures` at the camera's delay `delay_s` [s]. A row that repeats the
         position of the row before it is a held value, no new observation, unless its
         `ball_exposed_s` differs. The position is NaN on an axis that the log lacks.
         """
@@ -163,9 +161,15 @@ class Log:
         same = (xy[1:] == xy[:-1]) | (np.isnan(xy[1:]) & np.isnan(xy[:-1]))
         held = same.all(axis=1) & (np.isnan(exposed[1:]) | (exposed[1:] == exposed[:-1]))
         new = seen & ~np.concatenate(([False], held))[: len(self)]
-        told = np.abs(exposed - self["t_s"]) < OTHER_CLOCK_S
-        times = np.where(told, exposed, self["t_s"] - delay_s)
-        return times[new], xy[new]
+        return exposures(self["t_s"], exposed, delay_s)[new], xy[new]
+
+
+def exposures(t_s: np.ndarray, exposed_s: np.ndarray, delay_s: float) -> np.ndarray:
+    """When the light of each row's observation hit the sensor (n,) [s]: `exposed_s`; where that is
+    no number, or OTHER_CLOCK_S from `t_s` and so of another clock, `t_s` of the tick in which the
+    observation became usable minus the camera's delay `delay_s` [s] (0 keeps the tick's time).
+    """
+    return np.where(np.abs(exposed_s - t_s) < OTHER_CLOCK_S, exposed_s, t_s - delay_s)
 
 
 def _held(column: np.ndarray) -> np.ndarray:

@@ -12,7 +12,7 @@ from math import radians
 
 import numpy as np
 
-from rig.log import Log
+from rig.log import Log, exposures
 from rig.plant.effect_equations import camera_map
 
 Columns = dict[str, np.ndarray]
@@ -229,6 +229,6 @@ def _camera_delay(columns: Columns, extra_s: float, delay_s: float) -> Columns:
         columns[name] = np.full(len(t), np.nan)
         columns[name][row] = xy[new, i]
     columns["ball_exposed_s"] = np.full(len(t), np.nan)
-    stamp = np.where(np.isnan(exposed), t - delay_s, exposed)
+    stamp = exposures(t, exposed, delay_s)
     columns["ball_exposed_s"][row] = stamp[new] + extra_s
     return columns

@@ -14,7 +14,7 @@ from experiments.gap.checks import TooShortError, check, step_of
 from experiments.records.importing import read_log, read_logs, refuse_same_rows
 from experiments.records.run_folder import read_meta, refuse_twice
 from experiments.runs.assemble import load_rig
-from rig.log import INDEX, Log, Phase
+from rig.log import INDEX, Log, Phase, exposures
 from rig.parameters import Rig
 from rig.rigfile import from_dict, own_names
 
@@ -254,15 +254,14 @@ def _dictionary(value: Any) -> dict[str, Any] | None:
 def released(log: Log, delay_s: float) -> Log:
     """The log with the ball blanked (NaN) where a person held it.
 
-    That is outside the run phase, and where the light hit the sensor before the release. delay_s:
-    the camera's delay, for rows without ball_exposed_s. A log without phases is returned as it is.
+    That is outside the run phase, and where the light hit the sensor before the release
+    (`exposures` at the camera's delay delay_s). A log without phases is returned as it is.
     """
     if not log.has("phase"):
         return log
     free = log["phase"] == Phase.RUN
     if free.any():
-        exposed = log["ball_exposed_s"]
-        seen = np.where(np.isnan(exposed), log["t_s"] - delay_s, exposed)
+        seen = exposures(log["t_s"], log["ball_exposed_s"], delay_s)
         free &= seen >= log["t_s"][free][0]
     rows = np.array(log.rows)
     rows[~free, INDEX["ball_x_m"]] = rows[~free, INDEX["ball_y_m"]] = np.nan

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from rig.log import COLUMNS, CONTRACT, INDEX, NAMES, Log, Phase, blank_row
+from rig.log import COLUMNS, CONTRACT, INDEX, NAMES, Log, Phase, blank_row, exposures
 
 ANY = st.floats(allow_nan=True, allow_infinity=True, width=64)
 
@@ -103,6 +103,11 @@ def test_ball_without_exposure_uses_the_tick_minus_the_delay():
     log = ball_log([np.nan, 0.1, np.nan], [np.nan, 0.2, np.nan])
     np.testing.assert_allclose(log.ball()[0], [0.002])
     np.testing.assert_allclose(log.ball(delay_s=0.012)[0], [-0.010])
+
+
+def test_exposures_that_are_missing_or_of_another_clock_are_by_the_ticks():
+    t, told = np.array([1.0, 2.0, 3.0]), np.array([0.9, np.nan, 1.7e9])
+    np.testing.assert_allclose(exposures(t, told, 0.25), [0.9, 1.75, 2.75])
 
 
 @settings(max_examples=50)
