@@ -167,6 +167,11 @@ def load(path: str | Path) -> Bundle:
         _ = bundle.view, bundle.layout  # shapes and dictionary
     except ValueError as error:
         raise BundleError(f"{path} is no calibration bundle: {error}") from error
+    if len(bundle.layout.ids) and np.abs(bundle.layout.corners_m).max() > bundle.plate_side_m:
+        raise BundleError(
+            f"{path}: markers.corners_m reach beyond a plate of {bundle.plate_side_m:g} m; "
+            "give metres"
+        )
     return bundle
 
 

@@ -4,13 +4,55 @@ import hashlib
 from collections.abc import Iterable
 from datetime import datetime
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
-from pydantic import ConfigDict, Field
+import numpy as np
+from pydantic import AfterValidator, ConfigDict, Field, FiniteFloat
 
 from rig.files import StrictModel
 
 Map = list[list[float]]
+Row = list[FiniteFloat]
+RIGID = (
+    1e-3  # most that an axis of a pose may be off in length or angle [1]; chosen: rounded digits
+)
+
+
+def _camera_matrix(rows: list[Row]) -> list[Row]:
+    """OpenCV's camera matrix, or ValueError."""
+    shaped = all(len(row) == 3 for row in rows)
+    if not (shaped and min(rows[0][0], rows[1][1]) > 0 and rows[2] == [0, 0, 1]):
+        form = "[[fx, s, cx], [0, fy, cy], [0, 0, 1]]"
+        raise ValueError(f"lens.matrix is no {form} with focal lengths above 0")
+    return rows
+
+
+def _pose(rows: list[Row]) -> list[Row]:
+    """A rigid transformation (4, 4) to a place before the camera, or ValueError."""
+    if any(len(row) != 4 for row in rows):
+        raise ValueError("plate.camera_from_plate is not 4 x 4")
+    pose = np.array(rows)
+    turn = pose[:3, :3]
+    off = np.abs(turn.T @ turn - np.eye(3)).max()
+    if not (off < RIGID and np.linalg.det(turn) > 0 and (pose[3] == (0, 0, 0, 1)).all()):
+        raise ValueError("plate.camera_from_plate is no turn and shift of a rigid plate")
+    if pose[2, 3] <= 0:
+        raise ValueError("plate.camera_from_plate puts the plate behind the camera")
+    return rows
+
+
+def _corners(markers: list[list[Row]]) -> list[list[Row]]:
+    """Four corners apart of every marker (n, 4, 2), or ValueError."""
+    for marker in markers:
+        if len(marker) != 4 or any(len(corner) != 2 for corner in marker):
+            raise ValueError("corners are not four (x, y) for each marker")
+        (ax, ay), (bx, by), (cx, cy), (dx, dy) = marker
+        if (cx - ax) * (dy - by) == (dx - bx) * (cy - ay):  # twice the area by the diagonals
+            raise ValueError("corners hold a marker without an area")
+    return markers
+
+
+Corners = Annotated[list[list[Row]], AfterValidator(_corners)]
 
 
 class Strict(StrictModel):
@@ -31,8 +73,8 @@ class LensRecord(Strict):
     `half_set_mm` the 95th percentile of the second. `flags`: OpenCV's calibration flags by name.
     """
 
-    matrix: list[list[float]] = Field(min_length=3, max_length=3)
-    distortion: list[float] = Field(min_length=5, max_length=5)
+    matrix: Annotated[list[Row], Field(min_length=3, max_length=3), AfterValidator(_camera_matrix)]
+    distortion: Row = Field(min_length=5, max_length=5)
     width_px: int = Field(gt=0)
     height_px: int = Field(gt=0)
     std: dict[str, float]
@@ -56,8 +98,10 @@ class PlateRecord(Strict):
     of the calibration sheet, None where none lay on the plate.
     """
 
-    camera_from_plate: list[list[float]] = Field(min_length=4, max_length=4)
-    covariance: list[list[float]] = Field(min_length=6, max_length=6)
+    camera_from_plate: Annotated[
+        list[Row], Field(min_length=4, max_length=4), AfterValidator(_pose)
+    ]
+    covariance: list[Row] = Field(min_length=6, max_length=6)
     residual_mm: float = Field(ge=0)
     scatter_mm: float = Field(ge=0)
     frames: int = Field(ge=0)
@@ -71,7 +115,7 @@ class MarkersRecord(Strict):
 
     dictionary: str
     ids: list[int]
-    corners_m: list[list[list[float]]]
+    corners_m: Corners
 
 
 class FixedRecord(Strict):
@@ -80,7 +124,7 @@ class FixedRecord(Strict):
 
     dictionary: str
     ids: list[int]
-    corners_px: list[list[list[float]]]
+    corners_px: Corners
     mm_per_px: float = Field(gt=0)
 
 

@@ -72,6 +72,19 @@ def broken(bundle, path, change):
     return path
 
 
+def posed(data, at, value):
+    data["plate"]["camera_from_plate"][at[0]][at[1]] = value
+
+
+def mirrored(data):
+    for row in data["plate"]["camera_from_plate"]:
+        row[0] *= -1.0
+
+
+def corners(data, change):
+    data["markers"]["corners_m"] = change(np.array(data["markers"]["corners_m"])).tolist()
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -87,7 +100,18 @@ def broken(bundle, path, change):
         (lambda d: d["markers"].update(dictionary="DICT_NONE"), "no dictionary"),
         (lambda d: d["markers"].update(ids=[1]), "need corners of shape"),
         (lambda d: d["lens"].update(matrix=[[0, 0, 0], [0, 1, 0], [0, 0, 1]]), "focal"),
-        (lambda d: d["plate"].update(camera_from_plate=[[1], [1], [1], [1]]), "reshape"),
+        (lambda d: d["plate"].update(camera_from_plate=[[1], [1], [1], [1]]), "is not 4 x 4"),
+        (lambda d: posed(d, (0, 3), np.inf), "plate.camera_from_plate.0.3 = inf: .* finite"),
+        (lambda d: posed(d, (0, 0), np.nan), "plate.camera_from_plate.0.0 = nan: .* finite"),
+        (lambda d: posed(d, (2, 3), -1.0), "behind the camera"),
+        (lambda d: mirrored(d), "no turn and shift of a rigid plate"),
+        (lambda d: posed(d, (0, 0), 2.0), "no turn and shift of a rigid plate"),
+        (lambda d: d["lens"]["matrix"][0].__setitem__(0, np.inf), "lens.matrix.0.0 = inf"),
+        (lambda d: d["lens"]["distortion"].__setitem__(4, np.nan), "lens.distortion.4 = nan"),
+        (lambda d: corners(d, lambda xy: 0.0 * xy), "marker without an area"),
+        (lambda d: corners(d, lambda xy: 1e3 * xy), "beyond a plate of 0.275 m; give metres"),
+        (lambda d: corners(d, lambda xy: np.nan * xy), "corners_m.0.0.0 = nan: .* finite"),
+        (lambda d: corners(d, lambda xy: xy[:, :3]), "not four"),
     ],
 )
 def test_a_wrong_file_is_one_clear_line(made, tmp_path, change, message):

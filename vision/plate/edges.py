@@ -104,6 +104,8 @@ def _cut(image, places, inwards, search, reach, ball):  # pragma: no cover - com
         u, v = places[i]
         if not (half + 1 < u < width - half - 2 and half + 1 < v < height - half - 2):
             continue
+        if not inwards[i, 0] ** 2 + inwards[i, 1] ** 2 < 2.0:  # NaN: an edge without a length
+            continue
         gap_u, gap_v = u - ball[0], v - ball[1]
         near = ball[2] + half
         if gap_u * gap_u + gap_v * gap_v < near * near:

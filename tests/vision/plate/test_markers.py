@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from tests.support.poses import tilt
+from vision.plate.edges import cut_edges
 from vision.plate.markers import MarkerLayout, default_layout, detect, find_pose, track_pose
 from vision.synthetic.synthetic import Renderer, Scene, virtual_view
 
@@ -143,3 +144,16 @@ def test_layout_leaves_the_middle_free_and_rejects_nonsense():
         MarkerLayout(np.array([1, 1]), np.zeros((2, 4, 2)))
     with pytest.raises(ValueError, match="no dictionary"):
         MarkerLayout(np.array([1]), np.zeros((1, 4, 2)), "DICT_9X9")
+
+
+@pytest.mark.parametrize("length", [0.0, np.nan, np.inf])
+def test_an_edge_without_a_direction_is_not_seen(renderer, length):
+    """The compiled cuts read beyond the image along a direction that is no number."""
+    points, along = np.array([[0.0, 0.0], [0.02, 0.0]]), np.array([[1.0, 0.0], [length, 0.0]])
+    image = renderer.render(np.eye(3), None)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        offset, contrast, jacobian = cut_edges(
+            image, points, along, virtual_view(), 6, 3, (0.0, 0.0, 0.0)
+        )
+    assert (offset[1], contrast[1]) == (0.0, 0.0)
+    assert (contrast[1] * np.nan_to_num(jacobian[1]) == 0.0).all()
