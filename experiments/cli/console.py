@@ -12,6 +12,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from experiments.progress import ProgressCall
+from rig.files import printable
 from rig.loop.signals import leave_if_told
 
 if TYPE_CHECKING:
@@ -43,6 +44,7 @@ def bars() -> Iterator[ProgressCall]:
 
     def show(stage: str, done: int, total: int) -> None:
         leave_if_told()
+        stage = printable(stage)  # it may hold the name of a file or a protocol from elsewhere
         if not tasks:  # bad input stays one line: nothing is drawn before there is something to see
             progress.start()
         name = stage.partition(": ")[0]
@@ -63,6 +65,7 @@ def _lines(console: Console) -> ProgressCall:
 
     def show(stage: str, done: int, total: int) -> None:
         leave_if_told()
+        stage = printable(stage)  # it may hold the name of a file or a protocol from elsewhere
         name = stage.partition(": ")[0]
         now_s = time.monotonic()
         since_s, before = told.get(name, (-LINE_S, -1))

@@ -32,3 +32,10 @@ def test_what_has_to_be_compiled_first_is_said_once(tmp_path, monkeypatch, capsy
     kept.touch()
     console.tell_of_compiling()
     assert capsys.readouterr() == ("", "")
+
+
+def test_a_stages_name_moves_no_cursor(capsys):
+    """A protocol of somebody else's names it."""
+    with console.bars() as show:
+        show("run \x1b[2Jmine\x07", 0, 1)
+    assert capsys.readouterr().err == "run ?[2Jmine?: 0 of 1\n"
