@@ -24,8 +24,8 @@ ROUGH_SIZE = 0.45  # logarithm of radii: what a circle of the transform may be o
 # Below this an outline is as likely chance: grain and noise give it up to 6, a ball of 5 px with
 # twice the contrast of a plate's grain 7 and more.
 LEAST_SIGNIFICANCE = 7.0
-# Standard deviations between just inside and just outside a disc over three quarters of its turn;
-# 95 % of the balls show 3, the inside of a printed circle less than 1.
+# Standard deviations between just inside and just outside a disc over five eighths of its turn; the
+# inside of a printed circle shows less than 1.
 LEAST_STEP = 1.2
 # Weight, while it stays, of what differs from its surround along its turn alone; also the roundness
 # below which a disc is flattened. A shadow flattens one ball in six, hence a weight of `FLAT`.
@@ -166,10 +166,10 @@ def _company(image: np.ndarray, found: Detection, look: Appearance) -> float:
 
 
 def _step(image: np.ndarray, found: Detection) -> float:
-    """Step over three quarters of the outline [standard deviations]; small for a line about
+    """Step over five eighths of the outline [standard deviations]; small for a line about
     something like what lies outside, such as a printed circle."""
     place = found.u_px, found.v_px, found.radius_px
-    return float(turn_steps(image, *place, NOISE_FLOOR)[2])
+    return float(turn_steps(image, *place, NOISE_FLOOR)[3])
 
 
 def surest_disc(
