@@ -32,6 +32,7 @@ from calibration.records import (
     TimingRecord,
 )
 from rig.files import first_error_line, json_of, write_whole
+from rig.section import Length
 from vision.plate.markers import MarkerLayout
 from vision.synthetic.synthetic import Renderer
 from vision.view import Camera, View
@@ -90,7 +91,7 @@ class Draft(_Common):
     lens: LensRecord | None = None
     plate: PlateRecord | None = None
     markers: MarkersRecord | None = None
-    ball_radius_m: float | None = Field(default=None, gt=0)
+    ball_radius_m: Length | None = None
 
     @property
     def camera(self) -> Camera:
@@ -122,7 +123,7 @@ class Bundle(_Common):
     lens: LensRecord
     plate: PlateRecord
     markers: MarkersRecord
-    ball_radius_m: float = Field(gt=0)
+    ball_radius_m: Length
 
     @cached_property
     def view(self) -> View:

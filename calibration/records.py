@@ -10,9 +10,11 @@ import numpy as np
 from pydantic import AfterValidator, ConfigDict, Field, FiniteFloat
 
 from rig.files import StrictModel
+from rig.section import Length
 
 Map = list[list[float]]
 Row = list[FiniteFloat]
+Number = Annotated[int, Field(ge=0, lt=2**31)]  # of a marker
 RIGID = (
     1e-3  # most that an axis of a pose may be off in length or angle [1]; chosen: rounded digits
 )
@@ -105,7 +107,7 @@ class PlateRecord(Strict):
     residual_mm: float = Field(ge=0)
     scatter_mm: float = Field(ge=0)
     frames: int = Field(ge=0)
-    side_m: float = Field(gt=0)
+    side_m: Length
     sheet_scale: float | None = None
 
 
@@ -114,7 +116,7 @@ class MarkersRecord(Strict):
     frame [m]."""
 
     dictionary: str
-    ids: list[int]
+    ids: list[Number]
     corners_m: Corners
 
 
@@ -123,9 +125,9 @@ class FixedRecord(Strict):
     4, 2) [px]; `mm_per_px` is the scale of the picture at the plate (used by `camera_shift`)."""
 
     dictionary: str
-    ids: list[int]
+    ids: list[Number]
     corners_px: Corners
-    mm_per_px: float = Field(gt=0)
+    mm_per_px: FiniteFloat = Field(gt=0)
 
 
 class Value(Strict):

@@ -8,6 +8,7 @@ import numpy as np
 
 from calibration.camera.sharpness import picture_blur_px
 from calibration.camera.sheet import CalibrationError, Sheet, SheetView
+from vision.plate.markers import dictionary_of
 
 MAX_BLUR_PX = 1.8  # of a sharp picture 0.5 to 1.2
 MAX_SHARE_ERROR = 0.03
@@ -71,7 +72,7 @@ def _grey(image: np.ndarray) -> np.ndarray:
 
 def _markers(grey: np.ndarray, dictionary: str) -> tuple[np.ndarray, np.ndarray]:
     """Ids (k,) and corners (k, 4, 2) px of one dictionary's markers."""
-    book = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary))
+    book = dictionary_of(dictionary)
     corners, ids, _ = cv2.aruco.ArucoDetector(book).detectMarkers(np.ascontiguousarray(grey))
     if ids is None:
         return np.zeros(0, int), np.zeros((0, 4, 2))

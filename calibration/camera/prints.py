@@ -8,7 +8,7 @@ import numpy as np
 
 from calibration.camera.pages import PAPERS_MM, Page
 from calibration.camera.sheet import Sheet
-from vision.plate.markers import MarkerLayout
+from vision.plate.markers import MarkerLayout, dictionary_of
 
 MARGIN_MM, FOOT_MM = 5.0, 7.0
 
@@ -98,7 +98,7 @@ def _next_cut(corners_mm: np.ndarray, top: float, half: float, room: float) -> f
 
 
 def _plate_strip(page: Page, layout: MarkerLayout, origin, top: float, bottom: float, half: float):
-    book = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, layout.dictionary))
+    book = dictionary_of(layout.dictionary)
     cells = book.markerSize + 2
     x0, y0 = origin
     for number, corners in zip(layout.ids, 1e3 * layout.corners_m, strict=True):
@@ -128,7 +128,7 @@ def fixed_page(ids: Sequence[int], dictionary: str, side_m: float, paper: str = 
     """
     side, gap = 1e3 * side_m, 26.0
     page = _fitting(paper, len(ids) * side + (len(ids) - 1) * gap, side, "the fixed markers")
-    book = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary))
+    book = dictionary_of(dictionary)
     cells = book.markerSize + 2
     for i, number in enumerate(ids):
         x, y = 20.0 + i * (side + gap), 20.0

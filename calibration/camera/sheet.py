@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 
 from calibration.camera.sharpness import edge_blur_px
+from vision.plate.markers import dictionary_of
 
 MIN_CORNERS = 12
 
@@ -39,10 +40,8 @@ class Sheet:
             )
         if min(self.columns, self.rows) < 3:
             raise ValueError(f"a sheet of {self.columns}x{self.rows} squares: 3x3 is the smallest")
-        if not self.dictionary.startswith("DICT_") or not hasattr(cv2.aruco, self.dictionary):
-            raise ValueError(f"OpenCV has no marker dictionary '{self.dictionary}'")
         markers = self.columns * self.rows // 2
-        held = len(cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, self.dictionary)).bytesList)
+        held = len(dictionary_of(self.dictionary).bytesList)
         if markers > held:
             raise ValueError(
                 f"{self.columns}x{self.rows} squares need {markers} markers, {self.dictionary} "
@@ -57,7 +56,7 @@ class Sheet:
     @cached_property
     def board(self) -> cv2.aruco.CharucoBoard:
         """OpenCV's ChArUco board of this sheet, in metres."""
-        book = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, self.dictionary))
+        book = dictionary_of(self.dictionary)
         size = (self.columns, self.rows)
         return cv2.aruco.CharucoBoard(size, self.square_m, self.marker_m, book)
 

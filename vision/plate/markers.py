@@ -18,6 +18,15 @@ _STILL_PX = 0.3  # a fit whose last step moves an edge by more than this has not
 _TILT_LIMIT_RAD = np.radians(0.2)
 
 
+def dictionary_of(name: str) -> cv2.aruco.Dictionary:
+    """OpenCV's dictionary of markers of this name, for example "DICT_4X4_50". `ValueError`: it has
+    none."""
+    number = getattr(cv2.aruco, name, None) if name.startswith("DICT_") else None
+    if number is None:
+        raise ValueError(f"OpenCV has no marker dictionary {name!r}")
+    return cv2.aruco.getPredefinedDictionary(number)
+
+
 @dataclass(frozen=True, eq=False)
 class MarkerLayout:
     """Printed ArUco markers: `ids` (n,), `corners_m` (n, 4, 2) in the plate frame [m].
@@ -40,8 +49,7 @@ class MarkerLayout:
                 f"marker layout: {len(ids)} ids need corners of shape ({len(ids)}, 4, 2) and must "
                 f"differ; got shape {corners.shape}"
             )
-        if not hasattr(cv2.aruco, self.dictionary):
-            raise ValueError(f"marker layout: OpenCV has no dictionary {self.dictionary!r}")
+        dictionary_of(self.dictionary)
         object.__setattr__(self, "ids", ids)
         object.__setattr__(self, "corners_m", corners)
 
@@ -49,7 +57,7 @@ class MarkerLayout:
     def module_m(self) -> float:
         """Side [m] of one printed square of the smallest marker."""
         sides = np.linalg.norm(np.roll(self.corners_m, -1, axis=1) - self.corners_m, axis=2)
-        book = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, self.dictionary))
+        book = dictionary_of(self.dictionary)
         return float(sides.min()) / (book.markerSize + 2)
 
     @cached_property
@@ -250,7 +258,7 @@ def _corners_seen(kept: np.ndarray) -> int:
 
 @cache
 def _detector(dictionary: str) -> cv2.aruco.ArucoDetector:
-    book = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary))
+    book = dictionary_of(dictionary)
     parameters = cv2.aruco.DetectorParameters()
     parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
     return cv2.aruco.ArucoDetector(book, parameters)

@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 
-from vision.plate.markers import MarkerLayout
+from vision.plate.markers import MarkerLayout, dictionary_of
 
 TEXELS = 1100  # along the plate's side: about 2.7 a pixel, so bilinear sampling adds no steps
 PADDING = 10  # transparent texels around the plate
@@ -29,7 +29,7 @@ def plate_from_texel(plate_side_m: float) -> np.ndarray:
 def _ink(layout: MarkerLayout, plate_side_m: float) -> np.ndarray:
     """Share of each texel that is printed black, exact to a quarter texel at any angle."""
     size = TEXELS + 2 * PADDING
-    dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, layout.dictionary))
+    dictionary = dictionary_of(layout.dictionary)
     modules = dictionary.markerSize + 2
     cell = 32
     to_texel = np.linalg.inv(plate_from_texel(plate_side_m))

@@ -142,7 +142,7 @@ def test_layout_leaves_the_middle_free_and_rejects_nonsense():
         default_layout(0.08)
     with pytest.raises(ValueError, match="must differ"):
         MarkerLayout(np.array([1, 1]), np.zeros((2, 4, 2)))
-    with pytest.raises(ValueError, match="no dictionary"):
+    with pytest.raises(ValueError, match="no marker dictionary"):
         MarkerLayout(np.array([1]), np.zeros((1, 4, 2)), "DICT_9X9")
 
 
