@@ -326,6 +326,8 @@ def main() -> None:
             )  # the parser makes an interruption a returned 130
         if code == INTERRUPTED:
             raise KeyboardInterrupt
+        if sys.stdout is not None:
+            sys.stdout.flush()
         if isinstance(code, int) and code:
             sys.exit(code)
     except typer.Exit as end:
@@ -390,6 +392,11 @@ def _print(line: str) -> None:
 
 def _fail(message: str, code: int) -> None:
     _say(message)
+    try:
+        if sys.stdout is not None:
+            sys.stdout.flush()
+    except OSError:  # a full disk: the interpreter would try again, and end with 120
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
     sys.exit(code)
 
 

@@ -13,11 +13,12 @@ import numpy as np
 import pytest
 
 from experiments.records.importing import read_log
-from experiments.records.recording import read_run
+from experiments.records.recording import Recorder, read_run
 from rig.hardware.board.link import LinkLost
 from rig.hardware.network.remote import RemoteTable
 from rig.hardware.network.token_file import make_token, read_token
 from rig.hardware.wiring import Wiring
+from rig.log import INDEX, blank_row
 from tests.support.command import call
 from tests.support.waiting import wait_for
 
@@ -294,3 +295,15 @@ def test_a_served_table_that_is_ended_says_so_and_tells_its_user(tmp_path: Path,
     with pytest.raises(LinkLost, match="rig serve was ended there"):
         all(table.read() for _ in range(500))
     table.close()
+
+
+def test_a_run_that_is_still_being_recorded_is_exported_so_far(tmp_path, capsys):
+    """Its rows were called lost."""
+    recorder = Recorder(tmp_path / "run", {"source": "simulated", "protocol": "hold"})
+    for k in range(5000):
+        row = blank_row()
+        row[INDEX["t_s"]] = 0.002 * k
+        recorder.append(row)
+    assert call("export", tmp_path / "run", "--out", tmp_path / "log.csv") == 0
+    assert "is still being recorded: these are its rows so far" in capsys.readouterr().err
+    recorder.finish("done")

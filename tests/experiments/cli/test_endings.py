@@ -5,6 +5,7 @@ import errno
 import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -92,3 +93,14 @@ def test_a_full_disk_is_named_with_its_cure_whatever_the_folder_is_called(monkey
     code, _, error = command.told("recover", "some-run")
     told = "rig: free-release/run.json: No space left on device; free some space: "
     assert (code, error[: len(told)]) == (1, told)
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="a device of Linux")
+def test_a_standard_output_that_is_full_ends_with_one_line():
+    """The interpreter flushed again, failed again and ended with 120."""
+    words = [sys.executable, "-c", "from experiments.cli import main; main()", "effects"]
+    with Path("/dev/full").open("wb") as full:
+        done = subprocess.run(words, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    assert done.returncode == 1
+    assert done.stderr.startswith("rig: [Errno 28] No space left on device")
+    assert done.stderr.count("\n") == 1
