@@ -15,9 +15,9 @@ from rig.section import Length
 Map = list[list[float]]
 Row = list[FiniteFloat]
 Number = Annotated[int, Field(ge=0, lt=2**31)]  # of a marker
-RIGID = (
-    1e-3  # most that an axis of a pose may be off in length or angle [1]; chosen: rounded digits
-)
+LATEST_S = 10.0  # chosen: no camera is as late, and milliseconds taken for seconds are seen
+# Most that an axis of a pose may be off in length or angle [1]; chosen: rounded digits.
+RIGID = 1e-3
 
 
 def _camera_matrix(rows: list[Row]) -> list[Row]:
@@ -40,6 +40,13 @@ def _pose(rows: list[Row]) -> list[Row]:
         raise ValueError("plate.camera_from_plate is no turn and shift of a rigid plate")
     if pose[2, 3] <= 0:
         raise ValueError("plate.camera_from_plate puts the plate behind the camera")
+    return rows
+
+
+def _covariance(rows: list[Row]) -> list[Row]:
+    """A covariance (6, 6), or ValueError."""
+    if any(len(row) != 6 for row in rows) or min(rows[i][i] for i in range(6)) < 0:
+        raise ValueError("plate.covariance is not 6 x 6 with variances of 0 and more")
     return rows
 
 
@@ -103,7 +110,7 @@ class PlateRecord(Strict):
     camera_from_plate: Annotated[
         list[Row], Field(min_length=4, max_length=4), AfterValidator(_pose)
     ]
-    covariance: list[Row] = Field(min_length=6, max_length=6)
+    covariance: Annotated[list[Row], Field(min_length=6, max_length=6), AfterValidator(_covariance)]
     residual_mm: float = Field(ge=0)
     scatter_mm: float = Field(ge=0)
     frames: int = Field(ge=0)
@@ -151,6 +158,13 @@ class Value(Strict):
         return cls(value=value if value > end else at_least, low=low, high=high)
 
 
+def _delay(delay_s: Value) -> Value:
+    """A camera's delay, or ValueError."""
+    if not abs(delay_s.value) <= LATEST_S:
+        raise ValueError(f"timing.delay_s.value = {delay_s.value:g}: at most {LATEST_S:g} s")
+    return delay_s
+
+
 class TimingRecord(Strict):
     """The timing section: the camera's delay [s] from a frame's exposure to its time stamp on the
     encoders' clock.
@@ -160,7 +174,7 @@ class TimingRecord(Strict):
     first row to the last's, None where nothing told it.
     """
 
-    delay_s: Value
+    delay_s: Annotated[Value, AfterValidator(_delay)]
     readout_s: Value | None = None
     play_rad: dict[Literal["x", "y"], float]
     frames: int = Field(ge=0)

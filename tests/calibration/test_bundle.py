@@ -72,6 +72,11 @@ def broken(bundle, path, change):
     return path
 
 
+def timing(delay_s):
+    value = {"value": delay_s, "low": -np.inf, "high": np.inf}
+    return {"delay_s": value, "play_rad": {"x": 0, "y": 0}, "frames": 9, "source": "ball"}
+
+
 def posed(data, at, value):
     data["plate"]["camera_from_plate"][at[0]][at[1]] = value
 
@@ -112,6 +117,10 @@ def corners(data, change):
         (lambda d: posed(d, (0, 0), 2.0), "no turn and shift of a rigid plate"),
         (lambda d: d["lens"]["matrix"][0].__setitem__(0, np.inf), "lens.matrix.0.0 = inf"),
         (lambda d: d["lens"]["distortion"].__setitem__(4, np.nan), "lens.distortion.4 = nan"),
+        (lambda d: d["plate"]["covariance"][2].__setitem__(2, -1.0), "variances of 0 and more"),
+        (lambda d: d["plate"]["covariance"][2].pop(), "plate.covariance is not 6 x 6"),
+        (lambda d: d.update(timing=timing(12.0)), "timing.delay_s.value = 12: at most 10 s"),
+        (lambda d: d.update(timing=timing(np.nan)), "timing.delay_s.value = nan: at most 10 s"),
         (lambda d: corners(d, lambda xy: 0.0 * xy), "marker without an area"),
         (lambda d: corners(d, lambda xy: 1e3 * xy), "beyond a plate of 0.275 m; give metres"),
         (lambda d: corners(d, lambda xy: np.nan * xy), "corners_m.0.0.0 = nan: .* finite"),
