@@ -1,9 +1,10 @@
 """What brakes the arm behind the gears? The logs decide.
 
-Two nominal models compete. Where the rig file has friction of arm and joints, an assumed value: one
-whose motors are loaded by it, and one without it. Where it has none: one in which the arm coasts
-through the gap of the gears, and one in which it stays where the teeth leave it; a gap of a quarter
-of an encoder count through which the arm coasts already delays a servo by a millisecond or two.
+Nominal models compete. Where the rig file has friction of arm or joints, an assumed value: one
+whose motors are loaded by it, and one without it. Where the joints have none: one in which the arm
+coasts through the gap of the gears, and one in which it stays where the teeth leave it; a gap of a
+quarter of an encoder count through which the arm coasts already delays a servo by a millisecond or
+two.
 Which of them is right shows beside the effects that act: naming begins with the one that costs less
 where the motors have the Coulomb friction that fits best, and what was selected is then fitted to
 the other. Where that costs less, effects are selected anew beside it
@@ -47,9 +48,13 @@ def friction_models(rig: Rig, tolerances: Mapping[str, float] | None = None) -> 
     held = NominalModel(rig, load_friction=False, coasts=False, tolerances=tolerances)
     if rig.servo.takes_angle:
         return [held]
-    if rig.drive.joint_friction_nm > 0.0:
-        return [NominalModel(rig, load_friction=True, tolerances=tolerances), held]
-    return [NominalModel(rig, load_friction=False, tolerances=tolerances), held]
+    joint, arm = rig.drive.joint_friction_nm, rig.drive.arm_friction_nm
+    models = [held]
+    if joint == 0.0:
+        models.insert(0, NominalModel(rig, load_friction=False, tolerances=tolerances))
+    if joint + arm > 0.0:
+        models.insert(0, NominalModel(rig, load_friction=True, tolerances=tolerances))
+    return models
 
 
 def better_friction_model(state: State) -> NominalModel | None:
