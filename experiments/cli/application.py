@@ -9,9 +9,8 @@ import os
 import sys
 from contextlib import suppress
 from functools import partial
-from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -20,6 +19,7 @@ from experiments.cli.calibrate import calibrate
 from experiments.cli.compare import compare
 from experiments.cli.dashboard import dashboard
 from experiments.cli.doctor import doctor
+from experiments.cli.error_words import error_words, usage_words
 from experiments.cli.export_model import export_model
 from experiments.cli.gap import gap
 from experiments.cli.home import home
@@ -339,40 +339,19 @@ def main() -> None:
     except WorkFailedError as error:
         _fail(str(error), 1)
     except (ValueError, FileNotFoundError, NotADirectoryError, PermissionError) as error:
-        _fail(_words(error), 2)
+        _fail(error_words(error), 2)
     except OSError as error:
         if error.errno in BAD_NAMES:
-            _fail(_words(error), 2)
+            _fail(error_words(error), 2)
         full = error.errno in (errno.ENOSPC, errno.EDQUOT) and "free" not in str(error.strerror)
         cure = "; free some space: what was recorded so far is kept" if full else ""
-        _fail(f"{_words(error)}{cure}", 1)
+        _fail(f"{error_words(error)}{cure}", 1)
     except MemoryError:
         _fail("there is not enough memory for this: end other programs, or cut the input", 1)
     except Exception as error:
         if hasattr(error, "format_message"):  # the parser's own usage errors
-            _fail(_usage_words(error, sys.argv), 2)
+            _fail(usage_words(error, sys.argv), 2)
         _fail(f"{type(error).__name__}: {error}", 1)
-
-
-def _usage_words(error: Any, given: list[str]) -> str:
-    """The parser's own error in words, with the value that it refuses and where help is."""
-    words = error.format_message().rstrip(".?")
-    options = getattr(getattr(error, "param", None), "opts", ())
-    values = [b for a, b in pairwise(given) if a in options]
-    values += [
-        one.partition("=")[2] for one in given if "=" in one and one.split("=")[0] in options
-    ]
-    if values and repr(values[-1]) not in words:
-        words = f"{words}, not {values[-1]!r}"
-    context = getattr(error, "ctx", None)
-    return f"{words}; see {context.command_path} --help" if context else words
-
-
-def _words(error: Exception) -> str:
-    """The error in words; one of the system's own is "FILE: what it says"."""
-    if isinstance(error, OSError) and error.filename is not None and error.strerror:
-        return f"{error.filename}: {error.strerror}"
-    return str(error)
 
 
 def _say(message: str) -> None:

@@ -1,0 +1,25 @@
+"""What a terminal says of an error: the parser's own, the system's, or any."""
+
+from itertools import pairwise
+from typing import Any
+
+
+def usage_words(error: Any, given: list[str]) -> str:
+    """The parser's own error in words, with the value that it refuses and where help is."""
+    words = error.format_message().rstrip(".?")
+    options = getattr(getattr(error, "param", None), "opts", ())
+    values = [b for a, b in pairwise(given) if a in options]
+    values += [
+        one.partition("=")[2] for one in given if "=" in one and one.split("=")[0] in options
+    ]
+    if values and repr(values[-1]) not in words:
+        words = f"{words}, not {values[-1]!r}"
+    context = getattr(error, "ctx", None)
+    return f"{words}; see {context.command_path} --help" if context else words
+
+
+def error_words(error: Exception) -> str:
+    """The error in words; one of the system's own is "FILE: what it says"."""
+    if isinstance(error, OSError) and error.filename is not None and error.strerror:
+        return f"{error.filename}: {error.strerror}"
+    return str(error)
