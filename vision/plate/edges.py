@@ -88,7 +88,8 @@ def cut_edges(
     inwards = side[:, ::-1] * (-1.0, 1.0) / np.hypot(*side.T)[:, None]
     places = np.asarray(places).reshape(-1, 2)
     offset, contrast = _cut(image, places, inwards, search, reach, np.array(ball, float))
-    return offset, contrast, np.einsum("mi,mij->mj", inwards, by_pose) * (contrast[:, None] > 0.0)
+    jacobian = np.einsum("mi,mij->mj", inwards, by_pose)
+    return offset, contrast, np.where(contrast[:, None] > 0.0, jacobian, 0.0)
 
 
 @kernel

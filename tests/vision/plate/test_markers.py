@@ -156,4 +156,4 @@ def test_an_edge_without_a_direction_is_not_seen(renderer, length):
             image, points, along, virtual_view(), 6, 3, (0.0, 0.0, 0.0)
         )
     assert (offset[1], contrast[1]) == (0.0, 0.0)
-    assert (contrast[1] * np.nan_to_num(jacobian[1]) == 0.0).all()
+    assert (jacobian[1] == 0.0).all()

@@ -58,7 +58,7 @@ def test_a_ball_as_bright_as_its_plate_steps_along_its_turn_a_printed_ring_does_
     image = exposed(image, 2.0, np.random.default_rng(1))
     ball, ring = (turn_steps(image, u, 120.0, 30.0, NOISE_FLOOR) for u in (90.0, 230.0))
     assert Appearance.sketch(image, 90.0, 120.0, 30.0).separation < LEAST_STEP
-    assert ball[2] > LEAST_STEP > 3.0 * ring[2]
+    assert ball[2] > LEAST_STEP > 3.0 * ring[3]
 
 
 def test_a_ball_within_a_printed_ring_is_seen_and_not_the_ring():
