@@ -4,10 +4,9 @@ Nominal models compete. Where the rig file has friction of arm or joints, an ass
 whose motors are loaded by it, and one without it. Where the joints have none: one in which the arm
 coasts through the gap of the gears, and one in which it stays where the teeth leave it; a gap of a
 quarter of an encoder count through which the arm coasts already delays a servo by a millisecond or
-two.
-Which of them is right shows beside the effects that act: naming begins with the one that costs less
-where the motors have the Coulomb friction that fits best, and what was selected is then fitted to
-the other. Where that costs less, effects are selected anew beside it
+two. Which of them is right shows beside the effects that act: naming begins with the one that costs
+least where the motors have the Coulomb friction that fits best, and what was selected is then
+fitted to the others. Where one of them costs less, effects are selected anew beside it
 (`calibration.gap.name.stepwise`).
 """
 
@@ -58,18 +57,21 @@ def friction_models(rig: Rig, tolerances: Mapping[str, float] | None = None) -> 
 
 
 def better_friction_model(state: State) -> NominalModel | None:
-    """The other nominal model, if the servos cost less with it, the same effects released and the
-    Coulomb friction of the motors as well; None if not, or if nothing is named there."""
+    """The nominal model with which the servos cost least, the same effects released and the Coulomb
+    friction of the motors as well; None where that is the state's own, or nothing is named there.
+    """
     outputs, nominal = _servos(state.evidence), state.nominal
     axes = {output[-1] for output in outputs}
     if not any(axis in axes for _, axis in state.named):
         return None
-    costs = sum(state.fit.costs[output] for output in outputs)
-    for other in friction_models(nominal.rig, nominal.given_tolerances):
-        same = (other.load_friction, other.coasts) == (nominal.load_friction, nominal.coasts)
-        if not same and _cost_with_same(state, other, outputs) < costs:
-            return other
-    return None
+    own = sum(state.fit.costs[output] for output in outputs)
+    costs = [
+        (_cost_with_same(state, other, outputs), other)
+        for other in friction_models(nominal.rig, nominal.given_tolerances)
+        if (other.load_friction, other.coasts) != (nominal.load_friction, nominal.coasts)
+    ]
+    least, best = min(costs, key=lambda pair: pair[0], default=(own, None))
+    return best if least < own else None
 
 
 def _cost_with_same(state: State, other: NominalModel, outputs: tuple[str, ...]) -> float:
