@@ -14,7 +14,7 @@ from rig.section import Length
 
 Map = list[list[float]]
 Row = list[FiniteFloat]
-Number = Annotated[int, Field(ge=0, lt=2**31)]  # of a marker
+MarkerId = Annotated[int, Field(ge=0, lt=2**31)]
 LATEST_S = 10.0  # chosen: no camera is as late, and milliseconds taken for seconds are seen
 # Most that an axis of a pose may be off in length or angle [1]; chosen: rounded digits.
 RIGID = 1e-3
@@ -123,7 +123,7 @@ class MarkersRecord(Strict):
     frame [m]."""
 
     dictionary: str
-    ids: list[Number]
+    ids: list[MarkerId]
     corners_m: Corners
 
 
@@ -132,7 +132,7 @@ class FixedRecord(Strict):
     4, 2) [px]; `mm_per_px` is the scale of the picture at the plate (used by `camera_shift`)."""
 
     dictionary: str
-    ids: list[Number]
+    ids: list[MarkerId]
     corners_px: Corners
     mm_per_px: FiniteFloat = Field(gt=0)
 
