@@ -15,6 +15,7 @@ from contextlib import contextmanager, suppress
 from typing import NoReturn, Protocol
 
 from rig.loop.commands import Command, Stop
+from rig.loop.compiling import when_compiled
 from rig.loop.unheard import ended_unheard
 
 NAMES = ("SIGTERM", "SIGHUP", "SIGBREAK")
@@ -73,7 +74,8 @@ def leave_on_signals(say: Callable[[str], None]) -> Iterator[None]:
     destructor, a callback of compiled code do): it is raised again after AGAIN_S where Python tells
     of that (`sys.unraisablehook`), else where long work reports its progress (`leave_if_told`) and
     at the end, in place of a RuntimeError, too, of what was left in its midst; and no later run is
-    begun (`stop_on_signals`). say: gets a line for a person; what it cannot say (to a terminal that
+    begun (`stop_on_signals`). In numba's compiler it waits for the function that is compiled now
+    (`rig.loop.compiling`). say: gets a line for a person; what it cannot say (to a terminal that
     is gone) is left out. It is called in the midst of anything, of an import too, so it must import
     nothing. A signal that nothing hears, since compiled code does not return, ends the program
     (`rig.loop.unheard`).
@@ -87,13 +89,11 @@ def leave_on_signals(say: Callable[[str], None]) -> Iterator[None]:
         if time.monotonic() - _raised_s[0] < LEAVING_S:
             return
         _raised_s[0] = time.monotonic()
-        if number == signal.SIGINT:
-            raise KeyboardInterrupt
-        if not is_told:
+        if not is_told and number != signal.SIGINT:
             with suppress(Exception):
                 say(f"ended by {signal.Signals(number).name}; what was recorded so far is kept")
         is_told = False
-        raise SystemExit(128 + number)
+        when_compiled(leave_if_told)
 
     def again() -> None:
         nonlocal is_told
@@ -145,7 +145,7 @@ def leave_if_told() -> None:
     """Leave the program by a signal of `leave_on_signals` that something swallowed."""
     if _leaving and threading.current_thread() is threading.main_thread():
         _raised_s[0] = time.monotonic()
-        end_by(_leaving[0])
+        end_by(_leaving[-1])
 
 
 @contextmanager
