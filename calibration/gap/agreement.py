@@ -9,7 +9,7 @@ is a draw of chi squared with n - 1 degrees of freedom (Cochran, Biometrics 10, 
 table may change within the size's tolerance t from run to run: s_i^2 holds t^2/3, too, the variance
 of what lies anywhere within it. Runs that do not move what the name acts on say nothing. That a
 size differs between the halves of all runs bounds the probability of the name
-(`calibration.gap.specification`); this tells which run differs.
+(`calibration.gap.constancy`); this tells which run differs.
 """
 
 from collections.abc import Sequence

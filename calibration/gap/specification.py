@@ -1,7 +1,7 @@
-"""Specification tests of a named model: is it complete, are its sizes constants, is it in time?
+"""Specification tests of a named model: is it complete, is it in time?
 
-A wrong name fits because it stands in for something else. Three properties of the right model,
-which need no idea of what else could act, tell it:
+A wrong name fits because it stands in for something else. Two properties of the right model,
+which need no idea of what else could act, tell it (a third: `calibration.gap.constancy`):
 
 **Completeness.** What the logs explain of each other beyond the named model is nothing. With
 G_names the fall of the cost (`calibration.gap.model.fit`) by the names of an output, and G_flexible
@@ -12,24 +12,8 @@ fitted to four of five seconds predicts of the fifth,
 
 G_flexible counts where it is above 0 for certain, by blocks (`decision_rule.is_certain`).
 
-**Constancy.** A physical size is the same in every part of the motion (Hansen, J. Policy Modeling
-14, 1992; Lin and Terasvirta, J. Econometrics 62, 1994). By time, place, speed, tilt and its rate (a
-servo: time, angle, speed, volts), g rises from -1/2 where they are least to 1/2 at their quantile
-of FULL, and the size gets a second parameter that is added times g:
-
-    z = -(J d + J_size g delta) + e,   F = delta' cov^-1 delta/k
-
-with cov by leaving out one second after the other (jackknife: MacKinnon and White, J. Econometrics
-29, 1985), and as many of them as tell delta (Carter, Schnepel and Steigerwald, Rev. Econ. Stat. 99,
-2017): a few seconds hold most of what is fast or far. A size is no constant where F is beyond its
-quantile and |delta| > MAX_INCONSTANCY |size|. (Cut in two at the median instead, a spring that is
-spent at large angles is the scale of an angle: most of the motion is small.) A constant (OFFSETS)
-cannot be told from the mean of what depends on the place, where such a term is left: a dent has a
-mean slope where the ball was. A size that is a rate in time (TRENDS) is hardly shown to be one in a
-single run: whatever changes slowly, 1/f noise or a slipping encoder, has a trend over one run
-(spurious regression: Granger and Newbold, J. Econometrics 2, 1974). What is no drift is not
-straight: 1 in 100 random walks departs from a line by less than MAX_UNEVENNESS of the line's own
-deviation, and hardly any 1/f noise.
+A constant (OFFSETS) cannot be told from the mean of what depends on the place, where such a term is left: a
+dent has a mean slope where the ball was.
 
 **Order in time.** A cause does not come after what it causes (Sims, Am. Econ. Rev. 62, 1972). In
 closed loop a gust is answered by the controller, and a function of the angles of this answer looks
@@ -42,40 +26,27 @@ is below 0 for the right name. It is not in time where D > SURE_Z of its standar
 for a tau of LEADS_S. A name that is a delay itself is not asked.
 """
 
-from collections.abc import Collection, Iterator, Mapping
-from math import inf, sqrt
+from collections.abc import Collection
 
 import numpy as np
-from numpy.polynomial.legendre import legvander
-from scipy.signal import lfilter
-from scipy.stats import f as f_distribution
 
-from calibration.gap.decision_rule import FAMILY_P, MAX_INCONSTANCY, MAX_UNEVENNESS, is_certain
+from calibration.gap.decision_rule import is_certain
 from calibration.gap.model.cost import huber, weights
-from calibration.gap.model.fit import ParameterFit, differences, evaluate
+from calibration.gap.model.fit import evaluate
 from calibration.gap.model.flexible import ball_regressors, servo_regressors, with_hats
 from calibration.gap.model.intervals import (
     FALLING_HIGH,
-    RIDGE,
-    block_sums,
     blocks_of,
-    inverse_prior,
-    jackknife,
 )
-from calibration.gap.model.parameters import BALL, FALL_KEY, PERIODIC, SERVO, Model
+from calibration.gap.model.parameters import BALL, FALL_KEY, SERVO
 from calibration.gap.model.state import State, outputs_of
 from calibration.gap.name.stepwise import Accepted
 from calibration.gap.prove import model_of
 from calibration.gap.unnamed.basis import UnnamedTerm
-from rig.prediction.innovations import Signals
 
-TRENDS = ("level_drift",)  # effects whose size is a rate in time
-# Of polynomials beside a straight line; a random walk has a fifth of what lies beside it beyond.
-TREND_ORDERS = 9
-OFFSETS = ("level_offset", "voltage_offset")  # and a constant
+OFFSETS = ("level_offset", "voltage_offset")  # effects whose size is a constant
 JOINT = "joint_backlash"
 LEADS_S = (0.1, 0.2, 0.4)  # from a controller's first answer to most of it; chosen
-FULL = 0.99  # of the motion: beyond are its outliers; chosen
 FOLD_S = 1.0  # of folds in turn: longer than a filter remembers, shorter than a hat; chosen
 FOLDS = 5  # four fifths of the seconds tell a fifth: the usual number of a cross-validation
 
@@ -114,36 +85,6 @@ def predictable(state: State, output: str) -> float:
     return float(falls.sum()) if is_certain(falls) else 0.0
 
 
-def trend_of_one_run(state: State, one: Accepted) -> str:
-    """Why a name whose size is a rate in time cannot be certain, in words; "" if it can, or has no
-    such size."""
-    if one.name not in TRENDS or len(state.evidence.runs) > 1:
-        return ""
-    share = max(_unevenness(state, axis) for axis in one.axes)
-    if share <= MAX_UNEVENNESS:
-        return ""
-    return (
-        "whatever changes slowly has a trend over one run, and it is not shown to rise as evenly "
-        f"as a drift ({100 * share:.0f} % of the rise beside a straight line): record another"
-    )
-
-
-def _unevenness(state: State, axis: str) -> float:
-    """How far the level of an axis may depart from a straight line in time over the one run, RMS,
-    as a share of the line's own: by Legendre polynomials of higher order, which are orthogonal to
-    it, with the power of their errors added."""
-    level = f"level_offset.slope_rad.{axis}"
-    if level not in state.bounds((BALL,)):
-        return inf
-    t = state.evidence.times(BALL)[0]
-    begin, length = t[0], t[-1] - t[0]
-    along = legvander(2.0 * (t - begin) / length - 1.0, TREND_ORDERS)[:, 2:]
-    found, cov, _ = _beside(state, BALL, [level], along)
-    power = (found**2 + np.diag(cov)) / (2.0 * np.arange(2, TREND_ORDERS + 1) + 1.0)
-    rise = state.fit.setting[f"level_drift.rate_rad_s.{axis}"] * length
-    return float(np.sqrt(power.sum()) / max(abs(rise) / sqrt(12.0), 1e-30))
-
-
 def mean_of_a_map(one: Accepted, outputs: Collection[str], left: UnnamedTerm | None) -> str:
     """Why a constant on these outputs cannot be certain beside what is left without a name, in
     words; "" if it can."""
@@ -172,60 +113,6 @@ def misfit_of_a_fall(state: State, one: Accepted, accepted: Collection[Accepted]
                 "leave looks like this"
             )
     return ""
-
-
-def inconstancy(state: State, one: Accepted, output: str) -> str:
-    """On what the size of a name depends most, or why that cannot be said, in words; "" if it is
-    constant on every axis."""
-    for axis in one.axes:
-        parameters = state.nominal.of(one.name, axis)[: 2 if one.name in PERIODIC else 1]
-        own = [k.name for k in parameters if k.name in state.bounds((output,))]
-        size = np.array([state.fit.setting.get(n, 0.0) for n in own])
-        size -= [0.0 if one.name in PERIODIC else k.nominal for k in parameters[: len(own)]]
-        if not own or not np.all(np.isfinite(size)):
-            continue
-        for word, along in _ramps(state, output):
-            delta, p = _interaction(state, output, own, along)
-            share = float(np.linalg.norm(delta) / max(np.linalg.norm(size), 1e-30))
-            if p < FAMILY_P and share > MAX_INCONSTANCY:
-                return f"its size on {axis} differs by {100 * share:.0f} % with the {word}"
-    return ""
-
-
-def _interaction(
-    state: State, output: str, own: list[str], along: np.ndarray
-) -> tuple[np.ndarray, float]:
-    """delta (k,) of the module's regression for the parameters `own`, and the tail of F; `along`
-    (n,): g."""
-    delta, cov, telling = _beside(state, output, own, along[:, None])
-    k, blocks = len(own), float(telling.min())
-    wald = delta @ np.linalg.pinv(cov) @ delta / k
-    return delta, float(f_distribution.sf(wald, k, max(blocks - 1.0, 2.0)))
-
-
-def _beside(
-    state: State, output: str, own: list[str], along: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """What the k parameters `own` have beside themselves along each of m functions, `along` (n, m),
-    function by function: its sizes (m k,) in units of the parameters, their covariance, and the
-    effective numbers of blocks that tell of them."""
-    evidence = state.evidence
-    bounds = state.bounds((output,))
-    parameters = [state.nominal.parameters[name] for name in bounds]
-    only = ParameterFit(state.fit.setting, {output: state.fit.rolls[output]}, {})
-    scale = np.array([k.step for k in parameters])
-    j = differences(evidence, state.nominal, only, parameters, bounds)[output] * scale
-    places = [list(bounds).index(name) for name in own]
-    j = np.hstack([j, *(j[:, places] * g[:, None] for g in along.T)])
-    z = state.fit.z(output)
-    k = j.shape[1] - len(parameters)
-    prior = np.append([inverse_prior(state, k) for k in parameters], np.zeros(k))
-    block = blocks_of(state, (output,))
-    a, g = block_sums(j, weights(z, evidence.masks[output]), z, block, int(block.max()) + 1)
-    d = -np.linalg.solve(a.sum(axis=0) + np.diag(prior + RIDGE), g.sum(axis=0))
-    cov, telling = jackknife(a, g + a @ d, prior)
-    units = np.tile(scale[places], along.shape[1])
-    return d[-k:] * units, cov[-k:, -k:] * np.outer(units, units), telling[-k:]
 
 
 def untimely(state: State, one: Accepted, output: str) -> str:
@@ -261,60 +148,3 @@ def _advanced(state: State, output: str, response: np.ndarray, lead_s: float) ->
         own = lane == one
         moved[own] = np.interp(t[own] + lead_s, t[own], response[own])
     return moved
-
-
-def _ramps(state: State, output: str) -> Iterator[tuple[str, np.ndarray]]:
-    """What the motion is ordered by, in words, and the module's g (n,) of the residuals."""
-    used = state.evidence.masks[output] > 0
-    for word, value in _covariates(state, output).items():
-        least, most = float(value[used].min()), float(np.quantile(value[used], FULL))
-        yield word, np.clip((value - least) / max(most - least, 1e-30), 0.0, 1.0) - 0.5
-
-
-def _covariates(state: State, output: str) -> Mapping[str, np.ndarray]:
-    """What the motion is cut by (n,): time, or the run where there are several; absolute values of
-    place, speed, tilt and its rate (ball), of angle, speed and volts (servo), all as they were one
-    sample earlier.
-
-    The speed of a servo is the one that its volts give by its time constant: an innovation shares
-    the noise of the angle, so that cut by measured speed it would choose its own half, and friction
-    that is constant seems to fall with speed.
-    """
-    t, number = state.evidence.times(output)
-    found: dict[str, list[np.ndarray]] = {}
-    for run in state.evidence.runs:
-        parts = _of_ball(run) if output == BALL else _of_servo(run, output, model_of(state))
-        for word, value in parts.items():
-            found.setdefault(word, []).append(np.concatenate([value[:1], value[:-1]]))
-    repeated = 2 if output == BALL else 1
-    motion = {word: np.repeat(np.concatenate(v), repeated) for word, v in found.items()}
-    return {"time": number.astype(float) if len(state.evidence.runs) > 1 else t} | motion
-
-
-def _of_ball(run: Signals) -> dict[str, np.ndarray]:
-    t = run.exposed_s
-    tilt = np.column_stack([np.interp(t, run.t_s, run.theta_rad[:, a]) for a in range(2)])
-    values = {
-        "ball's distance from the centre": run.ball_m,
-        "ball's speed": _rate(run.ball_m, t),
-        "tilt": tilt,
-        "rate of the tilt": _rate(tilt, t),
-    }
-    return {word: np.linalg.norm(value, axis=1) for word, value in values.items()}
-
-
-def _of_servo(run: Signals, output: str, model: Model) -> dict[str, np.ndarray]:
-    a = SERVO.index(output)
-    volts, step_s = run.volts_V[:, a], float(np.median(np.diff(run.t_s)))
-    decay = float(np.exp(-step_s / model.time_constant_s[a]))
-    speed = lfilter([1.0 - decay], [1.0, -decay], volts)
-    if run.commanded:  # a servo is the faster, the further its command is away
-        values = {"servo's angle": run.theta_rad[:, a], "servo's speed": volts - speed}
-    else:
-        values = {"servo's angle": run.theta_rad[:, a], "servo's speed": speed, "volts": volts}
-    return {word: np.abs(value) for word, value in values.items()}
-
-
-def _rate(x: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """Backward differences (n, 2) of x (n, 2) over t (n,)."""
-    return np.diff(x, axis=0, prepend=x[:1]) / np.diff(t, prepend=t[:1] - 1.0)[:, None]

@@ -12,8 +12,8 @@ what a name gains 1 s ahead (`calibration.gap.held_out`), C the cost one sample 
    range on any axis, where it would have to be larger to be what its name says.
 4. Its best rival in its place does not predict better 1 s ahead: D < SURE_Z se of the rival's gain.
 5. Its size is a constant, and what it explains does not come before it
-   (`calibration.gap.specification`). If not, something else acts on the output, or acts otherwise:
-   the probability of its names is at most DOUBTED_PROBABILITY.
+   (`calibration.gap.constancy`, `.specification`). If not, something else acts on the output, or
+   acts otherwise: the probability of its names is at most DOUBTED_PROBABILITY.
 6. The names of an output are complete: at least MIN_COMPLETENESS (`calibration.gap.specification`),
    which bounds their probability as well.
 7. A name is certain only where the names of one of its outputs lower the error 1 s ahead: for
@@ -44,6 +44,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from calibration.gap.constancy import inconstancy, trend_of_one_run
 from calibration.gap.decision_rule import (
     DOUBTED_PROBABILITY,
     FAMILY_P,
@@ -72,11 +73,9 @@ from calibration.gap.name.naming_steps import NamingStep, Tell, untold
 from calibration.gap.name.stepwise import Accepted
 from calibration.gap.specification import (
     completeness,
-    inconstancy,
     mean_of_a_map,
     misfit_of_a_fall,
     predictable,
-    trend_of_one_run,
     untimely,
 )
 from calibration.gap.unnamed.basis import unnamed_terms

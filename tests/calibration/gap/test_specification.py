@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from numpy.polynomial.legendre import legvander
 
+from calibration.gap.constancy import TREND_ORDERS, inconstancy, trend_of_one_run
 from calibration.gap.decision_rule import (
     FAMILY_P,
     MAX_INCONSTANCY,
@@ -21,13 +22,10 @@ from calibration.gap.name.stepwise import Accepted, name_effects, settled_baseli
 from calibration.gap.specification import (
     FOLDS,
     LEADS_S,
-    TREND_ORDERS,
     _advanced,
     completeness,
-    inconstancy,
     mean_of_a_map,
     misfit_of_a_fall,
-    trend_of_one_run,
     untimely,
 )
 from calibration.gap.unnamed.basis import UnnamedTerm
