@@ -1,4 +1,4 @@
-"""Is the size of a name a constant?
+"""Is the size of a name a constant, and is every parameter one where nothing has a name?
 
 A physical size is the same in every part of the motion (Hansen, J. Policy Modeling 14, 1992; Lin
 and Terasvirta, J. Econometrics 62, 1994). By time, place, speed, tilt and its rate (a
@@ -13,6 +13,9 @@ with cov by leaving out one second after the other (jackknife: MacKinnon and Whi
 quantile and |delta| > MAX_INCONSTANCY |size|. (Cut in two at the median instead, a spring that is
 spent at large angles is the scale of an angle: most of the motion is small.)
 
+Where there is no name, the same is asked of every parameter of the model, over time alone. One
+changes where F is beyond its quantile and it is outside its tolerance at the begin or the end.
+
 A size that is a rate in time (TRENDS) is hardly shown to be one in a single run: whatever changes
 slowly, 1/f noise or a slipping encoder, has a trend over one run (spurious regression: Granger and
 Newbold, J. Econometrics 2, 1974). What is no drift is not straight: 1 in 100 random walks departs
@@ -20,6 +23,7 @@ from a line by less than MAX_UNEVENNESS of the line's own deviation, and hardly 
 """
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from math import inf, sqrt
 
 import numpy as np
@@ -28,6 +32,7 @@ from scipy.signal import lfilter
 from scipy.stats import f as f_distribution
 
 from calibration.gap.decision_rule import FAMILY_P, MAX_INCONSTANCY, MAX_UNEVENNESS
+from calibration.gap.model.change import Change
 from calibration.gap.model.cost import weights
 from calibration.gap.model.fit import ParameterFit, differences
 from calibration.gap.model.intervals import (
@@ -37,7 +42,14 @@ from calibration.gap.model.intervals import (
     inverse_prior,
     jackknife,
 )
-from calibration.gap.model.parameters import BALL, PERIODIC, SERVO, Model
+from calibration.gap.model.parameters import (
+    BALL,
+    CALIBRATED,
+    PERIODIC,
+    SERVO,
+    Model,
+    Parameter,
+)
 from calibration.gap.model.state import State
 from calibration.gap.name.stepwise import Accepted
 from calibration.gap.prove import model_of
@@ -59,12 +71,44 @@ def inconstancy(state: State, one: Accepted, output: str) -> str:
         size -= [0.0 if one.name in PERIODIC else k.nominal for k in parameters[: len(own)]]
         if not own or not np.all(np.isfinite(size)):
             continue
+        slopes = _slopes(state, output)
         for word, along in _ramps(state, output):
-            delta, p = _interaction(state, output, own, along)
+            delta, p = _interaction(state, output, slopes, own, along)
             share = float(np.linalg.norm(delta) / max(np.linalg.norm(size), 1e-30))
             if p < FAMILY_P and share > MAX_INCONSTANCY:
                 return f"its size on {axis} differs by {100 * share:.0f} % with the {word}"
     return ""
+
+
+def changing(state: State) -> Change | None:
+    """The change that is least by chance of those of the module's test on all parameters, one that
+    stays within its effect's range before others; None where each is a constant."""
+    found: list[tuple[bool, float, Change]] = []
+    runs = len(state.evidence.runs)
+    for output in state.evidence.outputs:
+        slopes = _slopes(state, output)
+        _, time = next(_ramps(state, output))
+        for one in slopes[0]:
+            (delta,), p = _interaction(state, output, slopes, [one.name], time)
+            value = state.fit.setting.get(one.name, one.nominal)
+            begin, end = value - delta / 2, value + delta / 2
+            if p < FAMILY_P and _leaves_tolerance(one, value, abs(delta) / 2):
+                beyond = not one.lower <= min(begin, end) <= max(begin, end) <= one.upper
+                found.append((beyond, p, Change(output, one, begin, end, runs)))
+    if not found:
+        return None
+    beyond, p, first = min(found, key=lambda each: each[:2])
+    others = (c.parameter for b, _, c in found if b == beyond and c.output == first.output)
+    return replace(first, others=tuple(one for one in others if one is not first.parameter))
+
+
+def _leaves_tolerance(one: Parameter, value: float, half: float) -> bool:
+    """Whether a parameter that goes from `value` - half to `value` + half is outside its tolerance
+    at an end: of the nominal value, or, of K and tau, which are fitted whatever the rig file says,
+    at the end if it was calibrated at the begin."""
+    if not one.effect:
+        return 2.0 * half > CALIBRATED[one.key] * abs(value)
+    return abs(value - one.nominal) + half > one.tolerance
 
 
 def trend_of_one_run(state: State, one: Accepted) -> str:
@@ -91,45 +135,53 @@ def _unevenness(state: State, axis: str) -> float:
     t = state.evidence.times(BALL)[0]
     begin, length = t[0], t[-1] - t[0]
     along = legvander(2.0 * (t - begin) / length - 1.0, TREND_ORDERS)[:, 2:]
-    found, cov, _ = _beside(state, BALL, [level], along)
+    found, cov, _ = _beside(state, BALL, _slopes(state, BALL), [level], along)
     power = (found**2 + np.diag(cov)) / (2.0 * np.arange(2, TREND_ORDERS + 1) + 1.0)
     rise = state.fit.setting[f"level_drift.rate_rad_s.{axis}"] * length
     return float(np.sqrt(power.sum()) / max(abs(rise) / sqrt(12.0), 1e-30))
 
 
+Slopes = tuple[list[Parameter], np.ndarray]
+
+
+def _slopes(state: State, output: str) -> Slopes:
+    """The parameters that are free on an output, and the derivatives (n, k) of its residuals by
+    them, each over its step."""
+    bounds = state.bounds((output,))
+    parameters = [state.nominal.parameters[name] for name in bounds]
+    only = ParameterFit(state.fit.setting, {output: state.fit.rolls[output]}, {})
+    j = differences(state.evidence, state.nominal, only, parameters, bounds)[output]
+    return parameters, j * np.array([k.step for k in parameters])
+
+
 def _interaction(
-    state: State, output: str, own: list[str], along: np.ndarray
+    state: State, output: str, slopes: Slopes, own: list[str], along: np.ndarray
 ) -> tuple[np.ndarray, float]:
     """delta (k,) of the module's regression for the parameters `own`, and the tail of F; `along`
     (n,): g."""
-    delta, cov, telling = _beside(state, output, own, along[:, None])
+    delta, cov, telling = _beside(state, output, slopes, own, along[:, None])
     k, blocks = len(own), float(telling.min())
     wald = delta @ np.linalg.pinv(cov) @ delta / k
     return delta, float(f_distribution.sf(wald, k, max(blocks - 1.0, 2.0)))
 
 
 def _beside(
-    state: State, output: str, own: list[str], along: np.ndarray
+    state: State, output: str, slopes: Slopes, own: list[str], along: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """What the k parameters `own` have beside themselves along each of m functions, `along` (n, m),
     function by function: its sizes (m k,) in units of the parameters, their covariance, and the
     effective numbers of blocks that tell of them."""
-    evidence = state.evidence
-    bounds = state.bounds((output,))
-    parameters = [state.nominal.parameters[name] for name in bounds]
-    only = ParameterFit(state.fit.setting, {output: state.fit.rolls[output]}, {})
-    scale = np.array([k.step for k in parameters])
-    j = differences(evidence, state.nominal, only, parameters, bounds)[output] * scale
-    places = [list(bounds).index(name) for name in own]
+    parameters, j = slopes
+    places = [[one.name for one in parameters].index(name) for name in own]
     j = np.hstack([j, *(j[:, places] * g[:, None] for g in along.T)])
     z = state.fit.z(output)
     k = j.shape[1] - len(parameters)
     prior = np.append([inverse_prior(state, k) for k in parameters], np.zeros(k))
     block = blocks_of(state, (output,))
-    a, g = block_sums(j, weights(z, evidence.masks[output]), z, block, int(block.max()) + 1)
+    a, g = block_sums(j, weights(z, state.evidence.masks[output]), z, block, int(block.max()) + 1)
     d = -np.linalg.solve(a.sum(axis=0) + np.diag(prior + RIDGE), g.sum(axis=0))
     cov, telling = jackknife(a, g + a @ d, prior)
-    units = np.tile(scale[places], along.shape[1])
+    units = np.tile([parameters[place].step for place in places], along.shape[1])
     return d[-k:] * units, cov[-k:, -k:] * np.outer(units, units), telling[-k:]
 
 

@@ -273,5 +273,7 @@ def _with_rivals(decision: Decision, names: tuple[Named, ...]) -> tuple[Named, .
 
 
 def _leftover(decision: Decision) -> Leftover | None:
-    term = decision.unnamed
+    term, change = decision.unnamed, decision.change
+    if term is None and change is not None:
+        return Leftover(change.channel, wording.change_words(change))
     return Leftover(term.channel, describe(term)) if term else None

@@ -12,8 +12,8 @@ fitted to four of five seconds predicts of the fifth,
 
 G_flexible counts where it is above 0 for certain, by blocks (`decision_rule.is_certain`).
 
-A constant (OFFSETS) cannot be told from the mean of what depends on the place, where such a term is left: a
-dent has a mean slope where the ball was.
+A constant (OFFSETS) cannot be told from the mean of what depends on the place, where such a term is
+left: a dent has a mean slope where the ball was.
 
 **Order in time.** A cause does not come after what it causes (Sims, Am. Econ. Rev. 62, 1972). In
 closed loop a gust is answered by the controller, and a function of the angles of this answer looks

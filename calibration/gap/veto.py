@@ -28,7 +28,9 @@ what a name gains 1 s ahead (`calibration.gap.held_out`), C the cost one sample 
    So has a drift that a single run tells and does not show to be even; and a constant beside a term
    without a name that depends on the place, which has a mean.
 
-Where none of the names is certain, the verdict is "undecided".
+Where none of the names is certain, the verdict is "undecided". Where there is none, every parameter
+of the model has to be a constant (`calibration.gap.constancy`), or an effect without a name is
+missing.
 
 Errors are bounded at the OUTLIER_SHARE quantile of the model without, so that a push that nobody
 recorded does not decide; for harm at OUTLIER_RATIO times that as well, where D < -SURE_Z se, since
@@ -44,7 +46,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from calibration.gap.constancy import inconstancy, trend_of_one_run
+from calibration.gap.constancy import changing, inconstancy, trend_of_one_run
 from calibration.gap.decision_rule import (
     DOUBTED_PROBABILITY,
     FAMILY_P,
@@ -103,7 +105,10 @@ def decide_by_proof(before: State, tell: Tell = untold) -> tuple[Decision, tuple
         if not lost or (judged.accepted and not outdone):
             break
         barred += outdone or lost
-    return decision, reasons + decision.dropped
+    reasons += decision.dropped
+    if not decision.accepted and (change := changing(plain(decision.state))):
+        decision = replace(decision, verdict="unknown-effect", change=change)
+    return decision, reasons
 
 
 def _beside_refuted(decision: Decision, first: Decision) -> tuple[Decision, tuple[str, ...]]:

@@ -19,6 +19,7 @@ from calibration.gap.decision_rule import (
     UNNAMED_SHARE,
     UNNAMED_THRESHOLD,
 )
+from calibration.gap.model.change import Change
 from calibration.gap.model.state import State, drop_effects
 from calibration.gap.name.bootstrap import ChanceScores, chance_scores
 from calibration.gap.name.naming_steps import NamingStep, Tell, untold
@@ -34,8 +35,8 @@ HOLDS_NO_NAMES = ("rhythm", "turning", "slipping")
 class Decision:
     """The verdict (one of `findings.VERDICTS`), the naming behind it, the accepted effects, the
     significant unnamed term (None: there is none), the final state, the chance thresholds (None:
-    there was no name to judge), and the names that were dropped here, each with the reason in
-    words."""
+    there was no name to judge), the names that were dropped here, each with the reason in words,
+    and, where no name is accepted, the parameter that changes over the logs (None: none does)."""
 
     verdict: str
     naming: Naming
@@ -44,6 +45,7 @@ class Decision:
     state: State
     chance: ChanceScores | None = None
     dropped: tuple[str, ...] = ()
+    change: Change | None = None
 
 
 def decide(before: State, barred: Collection[str] = (), tell: Tell = untold) -> Decision:

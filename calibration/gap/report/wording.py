@@ -11,7 +11,8 @@ from calibration.gap.decision_rule import (
     RIVAL_MARGIN,
 )
 from calibration.gap.findings import Interval, Named
-from calibration.gap.model.parameters import CALIBRATED, PERIODIC, SERVO
+from calibration.gap.model.change import Change
+from calibration.gap.model.parameters import CALIBRATED, PERIODIC, SERVO, Parameter
 from calibration.gap.model.state import State
 from calibration.gap.name.decide import Decision
 from calibration.gap.report.findings_of_decision import ball_height_m
@@ -33,6 +34,7 @@ def notes(decision: Decision, servo: Mapping[str, Interval]) -> tuple[str, ...]:
         + _servo_notes(state, servo)
         + _height_note(state)
         + _edge_notes(state)
+        + _change_note(decision)
         + _chance_note(decision)
     )
 
@@ -115,6 +117,31 @@ def _height_note(state: State) -> tuple[str, ...]:
     )
 
 
+def _change_note(decision: Decision) -> tuple[str, ...]:
+    """The note on a parameter that changes, beside something else without a name."""
+    if decision.change is None or decision.unnamed is None:
+        return ()
+    return (f"a constant of the model changes: {change_words(decision.change)}",)
+
+
+def change_words(change: Change) -> str:
+    """What changes, from what to what, and what else may."""
+    one = change.parameter
+    unit, factor = parameter_unit(one.effect, one.key)
+    ends = " to ".join(sig(factor * value) for value in (change.begin, change.end))
+    others = dict.fromkeys(_parameter_words(other) for other in change.others)
+    others.pop(_parameter_words(one), None)
+    text = f"{_parameter_words(one)} from {ends} {unit}".strip()
+    text += " during the run" if change.runs == 1 else f" over the {change.runs} runs"
+    return f"{text} (or {', '.join(others)})" if others else text
+
+
+def _parameter_words(one: Parameter) -> str:
+    """An effect's name, or K or tau, with its axis."""
+    name = one.effect or {"gain_rad_s_V": "K", "time_constant_s": "tau"}[one.key]
+    return name if one.axis == "xy" else f"{name} {one.axis}"
+
+
 def _chance_note(decision: Decision) -> tuple[str, ...]:
     chance = decision.chance
     if chance is None:
@@ -143,9 +170,14 @@ def sentence(
                 "constant the model explains the log; the notes say how far off the file's are."
             )
         return "Nothing is missing: the model explains the log within the declared tolerances."
-    if decision.verdict == "unknown-effect":
-        channel = decision.unnamed.channel if decision.unnamed else "the log"
+    if decision.verdict == "unknown-effect" and decision.unnamed:
+        channel = decision.unnamed.channel
         return f"Something that has no name in the catalogue acts on {channel}: {left}."
+    if decision.change:
+        return (
+            "Something that has no name in the catalogue acts: what the model takes for a constant "
+            f"changes, {change_words(decision.change)}."
+        )
     if not decision.accepted:
         return (
             "Something is missing, but no effect of the catalogue that fits these logs also "
