@@ -13,8 +13,14 @@ with cov by leaving out one second after the other (jackknife: MacKinnon and Whi
 quantile and |delta| > MAX_INCONSTANCY |size|. (Cut in two at the median instead, a spring that is
 spent at large angles is the scale of an angle: most of the motion is small.)
 
-Where there is no name, the same is asked of every parameter of the model, over time alone. One
-changes where F is beyond its quantile and it is outside its tolerance at the begin or the end.
+Where there is no name, the same is asked of every parameter of the model, over time alone. With
+
+    G = delta' (H^-1)^-1 delta/2
+
+the fall of the cost by it, H^-1 the block of delta of the inverse normal matrix, the one with the
+largest G changes where its F is beyond its quantile, and it and all whose G is less than
+RIVAL_MARGIN behind differ by more than their tolerance, for certain (by SURE_Z of the jackknife's
+deviation): nothing that a healthy table may have explains it.
 
 A size that is a rate in time (TRENDS) is hardly shown to be one in a single run: whatever changes
 slowly, 1/f noise or a slipping encoder, has a trend over one run (spurious regression: Granger and
@@ -23,7 +29,7 @@ from a line by less than MAX_UNEVENNESS of the line's own deviation, and hardly 
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass
 from math import inf, sqrt
 
 import numpy as np
@@ -31,7 +37,13 @@ from numpy.polynomial.legendre import legvander
 from scipy.signal import lfilter
 from scipy.stats import f as f_distribution
 
-from calibration.gap.decision_rule import FAMILY_P, MAX_INCONSTANCY, MAX_UNEVENNESS
+from calibration.gap.decision_rule import (
+    FAMILY_P,
+    MAX_INCONSTANCY,
+    MAX_UNEVENNESS,
+    RIVAL_MARGIN,
+    SURE_Z,
+)
 from calibration.gap.model.change import Change
 from calibration.gap.model.cost import weights
 from calibration.gap.model.fit import ParameterFit, differences
@@ -73,42 +85,36 @@ def inconstancy(state: State, one: Accepted, output: str) -> str:
             continue
         slopes = _slopes(state, output)
         for word, along in _ramps(state, output):
-            delta, p = _interaction(state, output, slopes, own, along)
-            share = float(np.linalg.norm(delta) / max(np.linalg.norm(size), 1e-30))
-            if p < FAMILY_P and share > MAX_INCONSTANCY:
+            beside = _beside(state, output, slopes, own, along[:, None])
+            share = float(np.linalg.norm(beside.sizes) / max(np.linalg.norm(size), 1e-30))
+            if beside.chance < FAMILY_P and share > MAX_INCONSTANCY:
                 return f"its size on {axis} differs by {100 * share:.0f} % with the {word}"
     return ""
 
 
 def changing(state: State) -> Change | None:
-    """The change that is least by chance of those of the module's test on all parameters, one that
-    stays within its effect's range before others; None where each is a constant."""
-    found: list[tuple[bool, float, Change]] = []
+    """The parameter that changes by the module's test, of the first output on which one does; None
+    where each is a constant."""
     runs = len(state.evidence.runs)
     for output in state.evidence.outputs:
         slopes = _slopes(state, output)
         _, time = next(_ramps(state, output))
-        for one in slopes[0]:
-            (delta,), p = _interaction(state, output, slopes, [one.name], time)
-            value = state.fit.setting.get(one.name, one.nominal)
-            begin, end = value - delta / 2, value + delta / 2
-            if p < FAMILY_P and _leaves_tolerance(one, value, abs(delta) / 2):
-                beyond = not one.lower <= min(begin, end) <= max(begin, end) <= one.upper
-                found.append((beyond, p, Change(output, one, begin, end, runs)))
-    if not found:
-        return None
-    beyond, p, first = min(found, key=lambda each: each[:2])
-    others = (c.parameter for b, _, c in found if b == beyond and c.output == first.output)
-    return replace(first, others=tuple(one for one in others if one is not first.parameter))
+        found = [(_beside(state, output, slopes, [k.name], time[:, None]), k) for k in slopes[0]]
+        best, first = max(found, key=lambda pair: pair[0].gain)
+        likely = [pair for pair in found if pair[0].gain > best.gain - RIVAL_MARGIN]
+        if best.chance < FAMILY_P and all(_beyond_tolerance(state, *pair) for pair in likely):
+            middle, half = state.fit.setting.get(first.name, first.nominal), best.sizes[0] / 2
+            others = tuple(one for _, one in likely if one is not first)
+            return Change(output, first, middle - half, middle + half, runs, others)
+    return None
 
 
-def _leaves_tolerance(one: Parameter, value: float, half: float) -> bool:
-    """Whether a parameter that goes from `value` - half to `value` + half is outside its tolerance
-    at an end: of the nominal value, or, of K and tau, which are fitted whatever the rig file says,
-    at the end if it was calibrated at the begin."""
-    if not one.effect:
-        return 2.0 * half > CALIBRATED[one.key] * abs(value)
-    return abs(value - one.nominal) + half > one.tolerance
+def _beyond_tolerance(state: State, found: "Beside", one: Parameter) -> bool:
+    """Whether a parameter changes by more than its tolerance for certain. That of K and tau is a
+    share of them: the model fits them whatever the rig file says."""
+    value = state.fit.setting.get(one.name, one.nominal)
+    tolerance = one.tolerance if one.effect else CALIBRATED[one.key] * abs(value)
+    return abs(found.sizes[0]) - tolerance > SURE_Z * sqrt(found.cov[0, 0])
 
 
 def trend_of_one_run(state: State, one: Accepted) -> str:
@@ -135,8 +141,8 @@ def _unevenness(state: State, axis: str) -> float:
     t = state.evidence.times(BALL)[0]
     begin, length = t[0], t[-1] - t[0]
     along = legvander(2.0 * (t - begin) / length - 1.0, TREND_ORDERS)[:, 2:]
-    found, cov, _ = _beside(state, BALL, _slopes(state, BALL), [level], along)
-    power = (found**2 + np.diag(cov)) / (2.0 * np.arange(2, TREND_ORDERS + 1) + 1.0)
+    found = _beside(state, BALL, _slopes(state, BALL), [level], along)
+    power = (found.sizes**2 + np.diag(found.cov)) / (2.0 * np.arange(2, TREND_ORDERS + 1) + 1.0)
     rise = state.fit.setting[f"level_drift.rate_rad_s.{axis}"] * length
     return float(np.sqrt(power.sum()) / max(abs(rise) / sqrt(12.0), 1e-30))
 
@@ -154,23 +160,20 @@ def _slopes(state: State, output: str) -> Slopes:
     return parameters, j * np.array([k.step for k in parameters])
 
 
-def _interaction(
-    state: State, output: str, slopes: Slopes, own: list[str], along: np.ndarray
-) -> tuple[np.ndarray, float]:
-    """delta (k,) of the module's regression for the parameters `own`, and the tail of F; `along`
-    (n,): g."""
-    delta, cov, telling = _beside(state, output, slopes, own, along[:, None])
-    k, blocks = len(own), float(telling.min())
-    wald = delta @ np.linalg.pinv(cov) @ delta / k
-    return delta, float(f_distribution.sf(wald, k, max(blocks - 1.0, 2.0)))
+@dataclass(frozen=True)
+class Beside:
+    """What k parameters have beside themselves along m functions, function by function: `sizes`
+    (m k,) in units of the parameters, their covariance `cov`, the fall of the cost `gain` by them,
+    and the tail `chance` of F with as many degrees of freedom as blocks tell of them."""
+
+    sizes: np.ndarray
+    cov: np.ndarray
+    gain: float
+    chance: float
 
 
-def _beside(
-    state: State, output: str, slopes: Slopes, own: list[str], along: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """What the k parameters `own` have beside themselves along each of m functions, `along` (n, m),
-    function by function: its sizes (m k,) in units of the parameters, their covariance, and the
-    effective numbers of blocks that tell of them."""
+def _beside(state: State, output: str, slopes: Slopes, own: list[str], along: np.ndarray) -> Beside:
+    """The module's regression for the parameters `own` along m functions, `along` (n, m)."""
     parameters, j = slopes
     places = [[one.name for one in parameters].index(name) for name in own]
     j = np.hstack([j, *(j[:, places] * g[:, None] for g in along.T)])
@@ -179,10 +182,15 @@ def _beside(
     prior = np.append([inverse_prior(state, k) for k in parameters], np.zeros(k))
     block = blocks_of(state, (output,))
     a, g = block_sums(j, weights(z, state.evidence.masks[output]), z, block, int(block.max()) + 1)
-    d = -np.linalg.solve(a.sum(axis=0) + np.diag(prior + RIDGE), g.sum(axis=0))
+    normal = a.sum(axis=0) + np.diag(prior + RIDGE)
+    d = -np.linalg.solve(normal, g.sum(axis=0))
     cov, telling = jackknife(a, g + a @ d, prior)
+    found, cov = d[-k:], cov[-k:, -k:]
+    gain = found @ np.linalg.solve(np.linalg.inv(normal)[-k:, -k:], found) / 2.0
+    wald = found @ np.linalg.pinv(cov) @ found / k
+    chance = f_distribution.sf(wald, k, max(float(telling[-k:].min()) - 1.0, 2.0))
     units = np.tile([parameters[place].step for place in places], along.shape[1])
-    return d[-k:] * units, cov[-k:, -k:] * np.outer(units, units), telling[-k:]
+    return Beside(found * units, cov * np.outer(units, units), float(gain), float(chance))
 
 
 def _ramps(state: State, output: str) -> Iterator[tuple[str, np.ndarray]]:

@@ -1,0 +1,79 @@
+"""What the model takes for a constant, and changes: logs of an independent table whose columns are
+altered as a change would."""
+
+import numpy as np
+import pytest
+
+from calibration.gap.constancy import changing
+from calibration.gap.model.change import Change
+from calibration.gap.model.state import refit
+from calibration.gap.name.stepwise import settled_baseline
+from rig.log import Log
+from tests.support.gap.tables import evidence_of, foreign, released, without_columns
+
+SECONDS = 40.0
+
+
+def change_of(*logs: Log) -> Change | None:
+    """The change on logs beside which only what a healthy table may have is fitted."""
+    state = released(evidence_of(*logs))
+    base = settled_baseline(state.evidence, state.nominal)
+    return changing(refit(base, base.bounds(base.evidence.outputs)))
+
+
+def altered(log: Log, **columns: np.ndarray) -> Log:
+    return Log.from_columns({**log.columns, **columns})
+
+
+def heating(log: Log, share: float) -> Log:
+    """Motors whose gain falls evenly by `share`: the motion took more volts."""
+    more = 1.0 + share * np.linspace(0.0, 1.0, len(log))
+    volts = {n: v * more for n, v in log.columns.items() if n.startswith("voltage")}
+    return altered(log, **volts)
+
+
+def late_camera(log: Log, late_s: float) -> Log:
+    """A camera that from the middle of the run is `late_s` later."""
+    t, ball = log.columns["t_s"], {}
+    late = np.interp(t, [0.0, t[-1] / 2, t[-1] / 2 + 0.01], [0.0, 0.0, late_s])
+    for name in ("ball_x_m", "ball_y_m"):
+        here = log.columns[name]
+        seen = np.isfinite(here)
+        ball[name] = np.where(seen, np.interp(t - late, t[seen], here[seen]), np.nan)
+    return altered(log, **ball)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_healthy_table_has_constants(seed: int):
+    assert change_of(foreign("steps", seed=seed, effects={}, duration_s=SECONDS)) is None
+
+
+@pytest.mark.parametrize("share", [0.04, 0.16])
+def test_motors_that_heat_up_change_their_gain_where_they_leave_their_tolerance(share: float):
+    log = heating(foreign("steps", seed=5, effects={}, duration_s=SECONDS), share)
+    change = change_of(log)
+    if share < 0.05:
+        assert change is None
+        return
+    assert change is not None
+    assert change.channel.startswith("servo")
+    assert change.parameter.key == "gain_rad_s_V"
+    assert change.end / change.begin == pytest.approx(1.0 / (1.0 + share), rel=0.03)
+
+
+def test_a_camera_that_becomes_late_changes_its_delay():
+    log = foreign("steps", seed=6, effects={}, duration_s=2 * SECONDS)
+    change = change_of(late_camera(log, 0.03))
+    assert change is not None
+    assert change.parameter.name == "camera_delay.extra_s.xy"
+    assert change.end - change.begin == pytest.approx(0.03, abs=0.01)
+
+
+def test_a_level_that_differs_between_runs_is_told_of_the_runs():
+    levels = [{}, {"level_offset": {"x": {"slope_rad": 0.004}}}]
+    logs = [foreign("steps", seed=7 + i, effects=e, duration_s=20.0) for i, e in enumerate(levels)]
+    change = change_of(*(without_columns(log, "voltage") for log in logs))
+    assert change is not None
+    assert (change.parameter.effect, change.runs) == ("level_offset", 2)
+    assert change.channel == "ball_x"
+    assert change.end - change.begin == pytest.approx(0.004, rel=0.3)
