@@ -30,7 +30,7 @@ from collections.abc import Collection
 
 import numpy as np
 
-from calibration.gap.decision_rule import is_certain
+from calibration.gap.decision_rule import RANGE_END_STEPS, is_certain
 from calibration.gap.model.cost import huber, weights
 from calibration.gap.model.fit import evaluate
 from calibration.gap.model.flexible import ball_regressors, servo_regressors, with_hats
@@ -46,6 +46,7 @@ from calibration.gap.unnamed.basis import UnnamedTerm
 
 OFFSETS = ("level_offset", "voltage_offset")  # effects whose size is a constant
 JOINT = "joint_backlash"
+ANSWERS = ("servo_lag", "servo_dead_time")  # by which a servo is late
 LEADS_S = (0.1, 0.2, 0.4)  # from a controller's first answer to most of it; chosen
 FOLD_S = 1.0  # of folds in turn: longer than a filter remembers, shorter than a hat; chosen
 FOLDS = 5  # four fifths of the seconds tell a fifth: the usual number of a cross-validation
@@ -90,6 +91,28 @@ def mean_of_a_map(one: Accepted, outputs: Collection[str], left: UnnamedTerm | N
     words; "" if it can."""
     if one.name in OFFSETS and left is not None and left.kind == "map" and left.output in outputs:
         return "what is left depends on the place, and its mean looks like this"
+    return ""
+
+
+def another_response(state: State, one: Accepted) -> str:
+    """Why a servo's lag or dead time cannot be certain beside the other, in words; "" if it can.
+
+    Both make it late. Where one grows while the other falls by all of its tolerance or more, the
+    servo is not later but answers otherwise: to first order in s, a dead time T beside a lag -T is
+    nothing, and to second order a delay of what an elastic plate or drive lets through.
+    """
+    if one.name not in ANSWERS:
+        return ""
+    (other,) = set(ANSWERS) - {one.name}
+    for axis in one.axes:
+        pair = [state.nominal.of(name, axis)[0] for name in (one.name, other)]
+        own, beside = (state.fit.setting.get(k.name, k.nominal) - k.nominal for k in pair)
+        edge = pair[1].tolerance - RANGE_END_STEPS * pair[1].step
+        if own * beside < 0.0 and abs(beside) >= edge > 0.0:
+            return (
+                f"on {axis} it stands beside a {other} of {1e3 * beside:+.0f} ms: the servo or the "
+                "plate answers otherwise, and may be elastic"
+            )
     return ""
 
 

@@ -1,6 +1,6 @@
 """The worlds of servos that take an angle against closed forms, and what is said of their logs."""
 
-from math import asin, exp, sin
+from math import asin, exp, pi, sin, sqrt
 
 import numpy as np
 import pytest
@@ -9,6 +9,7 @@ from calibration.gap import investigate
 from rig.log import Log
 from rig.rigfile import read_rig
 from tests.support.worlds import WORLDS, commanded
+from tests.support.worlds import angle_loops as loops
 from tests.support.worlds import angle_servos as servos
 
 
@@ -34,6 +35,22 @@ def test_a_motor_that_takes_its_rate_at_once_is_a_lag():
     for _ in range(20000):
         slow, rate = servos.driven(slow, rate, 0.1, 0.05, 9.0, 0.01, 0.01, 5e-5)
     assert slow == pytest.approx(0.09, abs=1e-6)
+
+
+def test_an_elastic_plate_swings_about_where_its_rods_are():
+    phi = rate = 0.0
+    h, hz, damping = 1e-5, 4.0, servos.SWING_DAMPING_1
+    path = []
+    for _ in range(30000):
+        rate = loops.followed(rate, 0.1 - phi, hz, h)
+        phi += h * rate
+        path.append(phi)
+    w = 2.0 * pi * hz
+    free = w * sqrt(1.0 - damping**2)
+    t = h * (1.0 + np.arange(len(path)))
+    swing = np.cos(free * t) + damping * w / free * np.sin(free * t)
+    np.testing.assert_allclose(path, 0.1 * (1.0 - np.exp(-damping * w * t) * swing), atol=2e-4)
+    assert loops.followed(3.0, 0.002, 0.0, 0.001) == pytest.approx(2.0)
 
 
 def test_a_play_is_held_by_friction_or_laid_over_by_the_ball():
@@ -106,6 +123,12 @@ def test_a_servo_that_swings_about_its_command_has_a_rhythm_without_a_name(tmp_p
     rhythm, size = found.unknown.shape.split(", ")
     assert rhythm == "a rhythm of 1.70 Hz"
     assert float(size.removesuffix(" degrees")) == pytest.approx(0.3, rel=0.1)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [3900, 3901])
+def test_a_plate_that_swings_behind_its_rods_is_no_certain_lateness(seed, tmp_path):
+    assert said_of("elastic_plate", seed, tmp_path).verdict in ("undecided", "unknown-effect")
 
 
 @pytest.mark.slow

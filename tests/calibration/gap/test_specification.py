@@ -2,6 +2,7 @@
 tests on logs of a table where the right name is known and where there is none."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -23,6 +24,7 @@ from calibration.gap.specification import (
     FOLDS,
     LEADS_S,
     _advanced,
+    another_response,
     completeness,
     mean_of_a_map,
     misfit_of_a_fall,
@@ -31,6 +33,7 @@ from calibration.gap.specification import (
 from calibration.gap.unnamed.basis import UnnamedTerm
 from rig.discrepancy import Discrepancy
 from rig.log import Log
+from rig.rigfile import read_rig
 from tests.support.gap.tables import RIG, evidence_of, foreign, released, without_columns
 from tests.support.worlds import WORLDS
 from tests.support.worlds.logs import table_log
@@ -252,3 +255,34 @@ def test_what_stands_in_for_a_cable_is_incomplete():
 def test_the_thresholds_are_those_of_their_error_rate():
     assert pytest.approx(0.01) == 100 * FAMILY_P
     assert 0.0 < MAX_INCONSTANCY < 1.0
+
+
+LATE = "servo_dead_time.delay_s.x"
+LAG = "servo_lag.lag_s.x"
+
+
+@pytest.mark.parametrize(
+    ("dead_s", "lag_s", "doubted"),
+    [
+        (0.03, 0.0, False),
+        (0.03, 0.02, False),
+        (0.03, -0.004, False),  # within the tolerance, as a healthy servo may be
+        (0.03, -0.005, True),  # at its end
+        (0.03, -0.03, True),
+        (-0.006, 0.03, True),
+        (-0.006, 0.003, False),
+    ],
+)
+def test_a_servo_that_is_later_and_faster_at_once_answers_otherwise(
+    dead_s: float, lag_s: float, doubted: bool, tmp_path: Path
+):
+    columns, file, _ = WORLDS["healthy_rc_servos"](1)
+    (tmp_path / "rig.toml").write_text(file, "utf-8")
+    rig = read_rig(tmp_path / "rig.toml")
+    log = Log.from_columns(columns)
+    state = released(evidence_of(log, rig=rig), ("servo_dead_time", "x"), rig=rig)
+    setting = state.fit.setting | {LATE: dead_s, LAG: lag_s}
+    state = replace(state, fit=replace(state.fit, setting=setting))
+    one = Accepted("servo_dead_time", ("x",), 100.0, ())
+    assert bool(another_response(state, one)) == doubted
+    assert another_response(state, replace(one, name="angle_scale")) == ""

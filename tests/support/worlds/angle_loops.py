@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 
 from tests.support.worlds.angle_servos import (
+    SWING_DAMPING_1,
     answer,
     behind_play,
     drawn_off,
@@ -19,6 +20,15 @@ from tests.support.worlds.loops import look, wanted_angle
 from tests.support.worlds.plant import STEP_s, ball_step
 
 EACH = 4  # steps of the ball for one of the arms: 1 ms
+
+
+@njit(cache=True)
+def followed(rate, ahead, swing_hz, h):
+    """Rate after h of a plate, rigid or elastic, that has `ahead` to go to where its rods are."""
+    if swing_hz == 0.0:
+        return ahead / h
+    w = 2.0 * math.pi * swing_hz
+    return rate + h * (w * w * ahead - 2.0 * SWING_DAMPING_1 * w * rate)
 
 
 @njit(cache=True)
@@ -113,7 +123,7 @@ def run_commanded(b, mass_kg, s, f, level, loop, targets, push, noise):
                     tilt = plate[i]
                     if not f.three:
                         tilt = rod_tilt(plate[i], phi[i], f.arm_m, f.lever_m[i], f.rod_m)
-                    way[i] = (tilt - phi[i]) / span
+                    way[i] = followed(way[i], tilt - phi[i], s.swing_hz[i], span)
             for i in range(2):
                 old[i] = rate[i]
                 rate[i] = way[i]

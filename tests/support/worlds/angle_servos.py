@@ -14,11 +14,12 @@ from tests.support.worlds.plant import G_m_s2
 
 DIFFERENCE = 1e-6  # of a numerical derivative
 PULL_TURNS, TAUT_RAD, SWAY_HZ = 4.0, 0.05, 1.7
+SWING_DAMPING_1 = 0.1  # of an elastic plate
 
 
 class Servos(NamedTuple):
     """Two servos of the axes x and y, or those of three arms: entries of shape (2,) or (3,) but for
-    the play (2,) of the axes and for numbers that all of them share."""
+    play and swing (2,) of the axes and for numbers that all of them share."""
 
     lag_s: np.ndarray
     dead_time_s: np.ndarray
@@ -33,6 +34,7 @@ class Servos(NamedTuple):
     )  # a cable that is taut beyond TAUT_RAD draws it back by this share of the way
     sway_rad: np.ndarray  # and it swings about its command at SWAY_HZ
     play_rad: np.ndarray  # full width, behind the servo
+    swing_hz: np.ndarray  # at which an elastic plate swings behind its rods; 0: it is rigid
     quantum_rad: float  # of commands, and of readings
     friction_nm: float  # holds the plate within the play
     period_s: float  # between two pulses; 0: it listens all the time

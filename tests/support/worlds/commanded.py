@@ -44,7 +44,7 @@ TABLES = {
 READ_BACK = ("bus", "bus legs")
 
 
-def _servos(rng: np.random.Generator, file: dict, n: int, changes: dict) -> Servos:
+def _servos(rng: np.random.Generator, file: dict, n: int, changes: dict, swing_hz: float) -> Servos:
     """The file's n servos with faults inside half of the default tolerances, then the changes: each
     is added, but for a rate, which is the lower one."""
     true = {
@@ -64,7 +64,9 @@ def _servos(rng: np.random.Generator, file: dict, n: int, changes: dict) -> Serv
         more = np.asarray(change, float)
         true[key] = np.minimum(true[key], more) if key == "rate_rad_s" else true[key] + more
     shared = {"quantum_rad": file["quantum_rad"], "period_s": file["period_s"]}
-    return Servos(**true, **shared, play_rad=play_rad, friction_nm=0.004)
+    return Servos(
+        **true, **shared, play_rad=play_rad, swing_hz=np.full(2, swing_hz), friction_nm=0.004
+    )
 
 
 def _rig(table: str) -> str:
@@ -94,11 +96,12 @@ def log_of(
     scale: float = 0.0,
     late_s: float = 0.0,
     drift_rad_s: np.ndarray | float = 0.0,
+    swing_hz: float = 0.0,
     seconds: float = 60.0,
 ) -> dict[str, np.ndarray]:
     """Random steps of up to 5 cm, smaller ones where the ball would fall; see the module."""
     file, frame, side_m, rows_hz, delay_s = TABLES[table]
-    servos = _servos(rng, file, 3 if frame.three else 2, servo or {})
+    servos = _servos(rng, file, 3 if frame.three else 2, servo or {}, swing_hz)
     n = int(seconds * rows_hz)
     flaws = {"level_rad": rng.uniform(-0.01 * DEG, 0.01 * DEG, 2), "bowl_1_s2": 0.0}
     flaws |= {"rolling_m_s2": rng.uniform(0.0, 0.0007)}
@@ -251,6 +254,12 @@ def swaying_bus_servo(seed: int) -> World:
     return columns, _rig("bus"), truth({}, kind="unknown")
 
 
+def elastic_plate(seed: int) -> World:
+    """The plate swings behind its rods at 3 to 6 Hz."""
+    rng = np.random.default_rng(seed)
+    return log_of(rng, "rc", swing_hz=rng.uniform(3.0, 6.0)), _rig("rc"), truth({}, kind="unknown")
+
+
 def healthy_bus_arms(seed: int) -> World:
     """Three arms whose servos read their angle back, 100 rows a second; small faults alone."""
     return _world({}, "bus legs", seed)
@@ -337,6 +346,7 @@ WORLDS = (
     sprung_bus_servo,
     cable_bus_servo,
     swaying_bus_servo,
+    elastic_plate,
     healthy_bus_arms,
     late_bus_arms,
     late_bus_arm,
