@@ -26,7 +26,7 @@ is below 0 for the right name. It is not in time where D > SURE_Z of its standar
 for a tau of LEADS_S. A name that is a delay itself is not asked.
 """
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 
 import numpy as np
 
@@ -34,10 +34,7 @@ from calibration.gap.decision_rule import RANGE_END_STEPS, is_certain
 from calibration.gap.model.cost import huber, weights
 from calibration.gap.model.fit import evaluate
 from calibration.gap.model.flexible import ball_regressors, servo_regressors, with_hats
-from calibration.gap.model.intervals import (
-    FALLING_HIGH,
-    blocks_of,
-)
+from calibration.gap.model.intervals import FALLING_HIGH, FIXED, Spread, blocks_of, interval
 from calibration.gap.model.parameters import BALL, FALL_KEY, SERVO
 from calibration.gap.model.state import State, outputs_of
 from calibration.gap.name.stepwise import Accepted
@@ -46,7 +43,9 @@ from calibration.gap.unnamed.basis import UnnamedTerm
 
 OFFSETS = ("level_offset", "voltage_offset")  # effects whose size is a constant
 JOINT = "joint_backlash"
+RIPPLE, RESISTANCE = "transmission_ripple", "rolling_resistance"
 ANSWERS = ("servo_lag", "servo_dead_time")  # by which a servo is late
+CANCELS = 1 / 3  # of one that the other takes back; chosen: less is a tolerance, not another shape
 LEADS_S = (0.1, 0.2, 0.4)  # from a controller's first answer to most of it; chosen
 FOLD_S = 1.0  # of folds in turn: longer than a filter remembers, shorter than a hat; chosen
 FOLDS = 5  # four fifths of the seconds tell a fifth: the usual number of a cross-validation
@@ -97,9 +96,9 @@ def mean_of_a_map(one: Accepted, outputs: Collection[str], left: UnnamedTerm | N
 def another_response(state: State, one: Accepted) -> str:
     """Why a servo's lag or dead time cannot be certain beside the other, in words; "" if it can.
 
-    Both make it late. Where one grows while the other falls by all of its tolerance or more, the
-    servo is not later but answers otherwise: to first order in s, a dead time T beside a lag -T is
-    nothing, and to second order a delay of what an elastic plate or drive lets through.
+    Both make it late. Where one grows while the other falls, by all of its tolerance or more and by
+    CANCELS of that growth, the servo is hardly later but answers otherwise: to first order in s, a
+    dead time T beside a lag -T is nothing, to second order what an elastic plate or drive does.
     """
     if one.name not in ANSWERS:
         return ""
@@ -108,12 +107,35 @@ def another_response(state: State, one: Accepted) -> str:
         pair = [state.nominal.of(name, axis)[0] for name in (one.name, other)]
         own, beside = (state.fit.setting.get(k.name, k.nominal) - k.nominal for k in pair)
         edge = pair[1].tolerance - RANGE_END_STEPS * pair[1].step
-        if own * beside < 0.0 and abs(beside) >= edge > 0.0:
+        if own * beside < 0.0 and abs(beside) >= max(edge, CANCELS * abs(own)) > 0.0:
             return (
                 f"on {axis} it stands beside a {other} of {1e3 * beside:+.0f} ms: the servo or the "
                 "plate answers otherwise, and may be elastic"
             )
     return ""
+
+
+def held_at_rest(
+    state: State, one: Accepted, accepted: Collection[Accepted], spread: Mapping[str, Spread]
+) -> str:
+    """Why a ripple beside a rolling resistance cannot be certain, in words; "" if it can. `spread`:
+    of the parameters' sizes.
+
+    With a phase of pi, A sin(n theta + pi) = -A n theta near level, a ripple takes tilt away from a
+    ball at rest. On every axis that is no chance of the phase: the ball is held by more than it
+    resists while it rolls, as by felt, hair or a dent.
+    """
+    if one.name != RIPPLE or RESISTANCE not in (other.name for other in accepted):
+        return ""
+    for axis in one.axes:
+        along, across = state.nominal.of(one.name, axis)[:2]  # A cos(phase), A sin(phase)
+        aside = interval(state.fit.setting[across.name], spread.get(across.name, FIXED))
+        if state.fit.setting[along.name] >= 0.0 or not aside.low <= 0.0 <= aside.high:
+            return ""
+    return (
+        "beside rolling resistance it takes away the tilt of a ball at rest, which may be held by "
+        "more than that: felt, hair, a dent"
+    )
 
 
 def misfit_of_a_fall(state: State, one: Accepted, accepted: Collection[Accepted]) -> str:

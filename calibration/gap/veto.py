@@ -11,9 +11,9 @@ what a name gains 1 s ahead (`calibration.gap.held_out`), C the cost one sample 
 3. The 95 % interval of its size excludes the nominal value, and the size is not at the end of its
    range on any axis, where it would have to be larger to be what its name says.
 4. Its best rival in its place does not predict better 1 s ahead: D < SURE_Z se of the rival's gain.
-5. Its size is a constant, and what it explains does not come before it
-   (`calibration.gap.constancy`, `.specification`). If not, something else acts on the output, or
-   acts otherwise: the probability of its names is at most DOUBTED_PROBABILITY.
+5. Its size is a constant, what it explains does not come before it, and it is not known to stand in
+   for something else (`calibration.gap.constancy`, `.specification`). If not, something else acts
+   on the output, or acts otherwise: the probability of its names is at most DOUBTED_PROBABILITY.
 6. The names of an output are complete: at least MIN_COMPLETENESS (`calibration.gap.specification`),
    which bounds their probability as well.
 7. A name is certain only where the names of one of its outputs lower the error 1 s ahead: for
@@ -76,6 +76,7 @@ from calibration.gap.name.stepwise import Accepted
 from calibration.gap.specification import (
     another_response,
     completeness,
+    held_at_rest,
     mean_of_a_map,
     misfit_of_a_fall,
     predictable,
@@ -176,7 +177,7 @@ def judge(decision: Decision) -> tuple[Decision, list[str], tuple[str, ...]]:
             outdone.append(one)
             reasons.append(f"not named: {one.name}: {reason}")
     lost += outdone
-    sure, doubts = _doubted(alone, [one for one in accepted if one not in lost], complete)
+    sure, doubts = _doubted(alone, [one for one in accepted if one not in lost], complete, spread)
     kept = [_capped(one, sure, known) for one in accepted if one not in lost]
     reasons += doubts
     for i, one in enumerate(kept):
@@ -204,7 +205,6 @@ def _leans(decision: Decision, alone: State, one: Accepted, kept: Collection[Acc
     return (
         mean_of_a_map(one, outputs, decision.unnamed)
         or misfit_of_a_fall(alone, one, kept)
-        or another_response(alone, one)
         or trend_of_one_run(decision.state, one)
     )
 
@@ -258,14 +258,19 @@ def _faint(state: State, one: Accepted, spread: Mapping[str, Spread]) -> str:
 
 
 def _doubted(
-    state: State, accepted: list[Accepted], complete: Mapping[str, float]
+    state: State,
+    accepted: list[Accepted],
+    complete: Mapping[str, float],
+    spread: Mapping[str, Spread],
 ) -> tuple[dict[str, float], list[str]]:
     """What bounds the probability of an output's names by rules 5 and 6, and rule 5 in words."""
     sure, doubts = dict(complete), []
     for one in accepted:
         outputs = outputs_of_name(one, state.nominal.catalogue)
+        stands_in = another_response(state, one) or held_at_rest(state, one, accepted, spread)
         for output in (o for o in outputs if o in state.evidence.outputs):
-            if reason := inconstancy(state, one, output) or untimely(state, one, output):
+            whole = inconstancy(state, one, output) or untimely(state, one, output)
+            if reason := stands_in or whole:
                 sure[output] = min(sure[output], DOUBTED_PROBABILITY)
                 doubts.append(f"not certain: {one.name}: {reason}")
     return sure, doubts

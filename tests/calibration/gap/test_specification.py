@@ -16,6 +16,7 @@ from calibration.gap.decision_rule import (
     MIN_COMPLETENESS,
 )
 from calibration.gap.model.flexible import Regressors, observer, with_hats
+from calibration.gap.model.intervals import Spread
 from calibration.gap.model.parameters import BALL, FALL_KEY, NominalModel
 from calibration.gap.model.state import State, drop_effects, refit, settle
 from calibration.gap.name.decide import Decision, decide
@@ -26,6 +27,7 @@ from calibration.gap.specification import (
     _advanced,
     another_response,
     completeness,
+    held_at_rest,
     mean_of_a_map,
     misfit_of_a_fall,
     untimely,
@@ -267,7 +269,8 @@ LAG = "servo_lag.lag_s.x"
         (0.03, 0.0, False),
         (0.03, 0.02, False),
         (0.03, -0.004, False),  # within the tolerance, as a healthy servo may be
-        (0.03, -0.005, True),  # at its end
+        (0.03, -0.005, False),  # at its end, and little of 30 ms
+        (0.012, -0.005, True),
         (0.03, -0.03, True),
         (-0.006, 0.03, True),
         (-0.006, 0.003, False),
@@ -286,3 +289,30 @@ def test_a_servo_that_is_later_and_faster_at_once_answers_otherwise(
     one = Accepted("servo_dead_time", ("x",), 100.0, ())
     assert bool(another_response(state, one)) == doubted
     assert another_response(state, replace(one, name="angle_scale")) == ""
+
+
+@pytest.mark.parametrize(
+    ("phase_rad", "std", "beside", "doubted"),
+    [
+        (3.1, 0.001, "rolling_resistance", True),
+        (-3.1, 0.001, "rolling_resistance", True),
+        (3.1, 0.00001, "rolling_resistance", False),  # known not to be pi
+        (2.2, 0.001, "rolling_resistance", False),
+        (0.0, 0.001, "rolling_resistance", False),  # it adds tilt about level
+        (3.1, 0.001, "viscous_drag", False),
+    ],
+)
+def test_a_ripple_that_takes_away_the_tilt_of_a_ball_at_rest_is_no_certain_one(
+    phase_rad: float, std: float, beside: str, doubted: bool
+):
+    state = released(evidence_of(foreign("steps", seed=1, effects={}, duration_s=5.0)))
+    along, across = (k.name for k in state.nominal.of("transmission_ripple", "x")[:2])
+    setting = state.fit.setting | {
+        along: 0.02 * np.cos(phase_rad),
+        across: 0.02 * np.sin(phase_rad),
+    }
+    state = replace(state, fit=replace(state.fit, setting=setting))
+    ripple = Accepted("transmission_ripple", ("x",), 100.0, ())
+    names = [ripple, Accepted(beside, ("xy",), 100.0, ())]
+    assert bool(held_at_rest(state, ripple, names, {across: Spread(std, 30, 30.0)})) == doubted
+    assert held_at_rest(state, names[1], names, {}) == ""
