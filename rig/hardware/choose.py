@@ -10,6 +10,7 @@ import numpy as np
 from rig.hardware.observations import ObservationSource
 from rig.hardware.wiring import Wiring, file_wiring, raw_wiring
 from rig.parameters import ANGLE_KINDS, BUS_KINDS, PULSES, QUANSER, Rig
+from rig.safety.late_watch import longest_round_trip_s
 from rig.safety.motion_watch import Both, sure_volts
 from rig.table import Table
 
@@ -116,7 +117,15 @@ def open_table(
     host, port = host_and_port(rig.table.address)
     sure_V, tick_s = sure_volts(rig, breakaway_V), 1 / rig.control_rate_hz
     return RemoteTable(
-        host, port, token, wired, eye=eye, homed=homed, sure_V=sure_V, period_s=tick_s
+        host,
+        port,
+        token,
+        wired,
+        eye=eye,
+        homed=homed,
+        sure_V=sure_V,
+        period_s=tick_s,
+        longest_trip_s=longest_round_trip_s(rig),
     )
 
 
@@ -159,6 +168,7 @@ def _board(
         sure_V=sure_V,
         homed=homed,
         eye=eye,
+        longest_trip_s=longest_round_trip_s(rig),
     )
 
 

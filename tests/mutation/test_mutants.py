@@ -20,7 +20,7 @@ from tests.mutation import suites
 from tests.mutation.mutate import survivors
 from tests.rig.hardware.network import test_client_watchdog as test_served
 from tests.rig.hardware.network import test_remote_wire, test_seat
-from tests.rig.safety import test_follow_watch, test_levelling, test_motion_watch
+from tests.rig.safety import test_follow_watch, test_late_watch, test_levelling, test_motion_watch
 from tests.rig.safety import test_monitor as test_guard
 from tests.support import ROOT, limiter_laws
 
@@ -108,6 +108,7 @@ FILES = {
         15,
         lambda name: "healthy" not in name,  # a search
     ),
+    "late": Guarded("rig/safety/late_watch.py", test_late_watch, 50),
     "watchdog": Guarded(
         f"{NETWORK}/client_watchdog.py",
         test_served,

@@ -12,6 +12,7 @@ from rig.hardware.board.session import BoardSession
 from rig.hardware.board.wire import Command, ConfigRequest, Telemetry
 from rig.hardware.observations import ObservationFeed, ObservationSource
 from rig.hardware.wiring import Wiring
+from rig.safety.late_watch import LONGEST_ROUND_TRIP_S
 from rig.safety.motion_watch import UNKNOWN, Both, bounded, way_of
 from rig.table import Reading
 
@@ -28,9 +29,9 @@ class BoardTable(BoardSession):
     sure_V: volts that surely move each arm, by axis.
     homed False: the zeros are not known yet, so the board keeps to 1.5 V and does not level. eye:
     where observations of the ball come from; tachometer_rad_s_V: speed at the load shaft per volt
-    of the tachometer; clock, random_below: as of `BoardSession`. ValueError: a period or a field
-    that the board cannot take. LinkLost: the board does not answer, speaks another version, or
-    drives servos by pulses.
+    of the tachometer; longest_trip_s: of `longest_round_trip_s`; clock, random_below: as of
+    `BoardSession`. ValueError: a period or a field that the board cannot take. LinkLost: the board
+    does not answer, speaks another version, or drives servos by pulses.
     """
 
     telemetry = Telemetry
@@ -49,10 +50,17 @@ class BoardTable(BoardSession):
         homed: bool = True,
         eye: ObservationSource | None = None,
         tachometer_rad_s_V: float = TACHOMETER_RAD_S_V,
+        longest_trip_s: float = LONGEST_ROUND_TRIP_S,
         clock: Callable[[], float] = time.monotonic,
         random_below: Callable[[int], int] = secrets.randbelow,
     ) -> None:
-        super().__init__(link, period_s, clock=clock, random_below=random_below)
+        super().__init__(
+            link,
+            period_s,
+            longest_trip_s=longest_trip_s,
+            clock=clock,
+            random_below=random_below,
+        )
         self.voltage_limit_V = voltage_limit_V
         self._wiring, self._feed = wiring or Wiring(), ObservationFeed(eye)
         self._tachometer, self._homed = tachometer_rad_s_V, homed
@@ -108,8 +116,8 @@ class BoardTable(BoardSession):
     def read(self) -> Reading:
         """Wait for the board's next telemetry and return its reading.
 
-        LinkLost: the board vanished, is silent or deaf (raised within 100 ms). BoardStopped: it
-        took the volts away by itself. CameraStopped: the camera of `eye` failed.
+        LinkLost: the board vanished, is silent or deaf (raised within 100 ms), or late.
+        BoardStopped: it took the volts away by itself. CameraStopped: the camera of `eye` failed.
         """
         packet, t_s = self._tick()
         assert isinstance(packet, Telemetry)  # a board says one kind only

@@ -6,16 +6,19 @@ import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from math import inf
 from typing import ClassVar, Self
 
 from rig.hardware.board import wire
 from rig.hardware.board.link import LINK_DEAD_S, Link, LinkLost
 from rig.hardware.board.wire import Arm, ConfigAnswer, Disarm, Request, Status
 from rig.hardware.observations import BoardClock
+from rig.safety.late_watch import LateWatch
 from rig.safety.levelling import LevelOnExit
 
 ANSWER_S = 3.0  # an Arduino that resets on opening spends two seconds in its boot loader
 ASK_AGAIN_S = 0.1
+LATE_CURE = "plug it in without a hub, and end what else loads this machine or its USB"
 REASONS = {
     wire.BY_WATCHDOG: "it had no command for 100 ms",
     wire.BY_ANGLE: "an arm was beyond its angle limit",
@@ -37,9 +40,10 @@ class BoardSession(LevelOnExit):
     """A board that is configured and disarmed when opened; `with` arms it.
 
     takes_angle, telemetry: what this kind of table drives and hears; period_s: of the board's
-    telemetry, 1 to 50 whole milliseconds; clock: monotonic [s]; random_below(n): from 0 to n - 1,
-    for the numbers that tell this session's packets from another's. ticks_missed: of the board;
-    newest: telemetry.
+    telemetry, 1 to 50 whole milliseconds; longest_trip_s: of command and answer [s], inf where no
+    servo loop closes over the link; clock: monotonic [s]; random_below(n): from 0 to n - 1, for the
+    numbers that tell this session's packets from another's. ticks_missed: of the board; newest:
+    telemetry.
     """
 
     takes_angle: ClassVar[bool] = False
@@ -50,6 +54,7 @@ class BoardSession(LevelOnExit):
         link: Link,
         period_s: float,
         *,
+        longest_trip_s: float = inf,
         clock: Callable[[], float] = time.monotonic,
         random_below: Callable[[int], int] = secrets.randbelow,
     ) -> None:
@@ -59,6 +64,7 @@ class BoardSession(LevelOnExit):
         self._link, self._clock = link, clock
         self._parser, self._times = wire.Parser(), BoardClock(clock)
         self._unheard: deque[tuple[int, float]] = deque()
+        self._late = LateWatch(longest_trip_s)
         self._random_below, self._sequence = random_below, random_below(65536)
         self._armed, self._closed = False, False
         self._read_us: int | None = None
@@ -242,6 +248,12 @@ class BoardSession(LevelOnExit):
             raise self._end(BoardStopped(errno.ECANCELED, f"{self._link.name} has stopped: {told}"))
         while self._unheard and (packet.sequence - self._unheard[0][0]) % 65536 < 32768:
             self._unheard.popleft()
-        if self._unheard and self._clock() - self._unheard[0][1] > LINK_DEAD_S:
-            why = f"{self._link.name} is lost: deaf for {1000 * LINK_DEAD_S:.0f} ms"
-            raise self._end(LinkLost(errno.ETIMEDOUT, why))
+        now_s = self._clock()
+        waits_s = now_s - self._unheard[0][1] if self._unheard else 0.0
+        if waits_s > LINK_DEAD_S:
+            why = f"deaf for {1000 * LINK_DEAD_S:.0f} ms"
+        elif self._late.is_late(trip_s := max(waits_s, self._times.age_s()), now_s):
+            why = self._late.why(trip_s, LATE_CURE)
+        else:
+            return
+        raise self._end(LinkLost(errno.ETIMEDOUT, f"{self._link.name} is lost: {why}"))

@@ -38,8 +38,10 @@ class LinkClock:
 
     def exchange(
         self, sent_s: float, received_s: float, answered_s: float, arrived_s: float
-    ) -> None:
-        """Take one exchange: sent_s, arrived_s by our clock, received_s, answered_s by theirs.
+    ) -> float:
+        """Take one exchange and return its round trip [s].
+
+        sent_s, arrived_s: by our clock; received_s, answered_s: by theirs.
 
         Offset and round trip by RFC 5905, section 8: offset = ((received - sent) + (answered -
         arrived))/2, round trip = (arrived - sent) - (answered - received).
@@ -53,6 +55,7 @@ class LinkClock:
             self._begin_s, self._best = arrived_s, (nan, nan, inf)
         if trip_s < self._best[2]:
             self._best = (arrived_s, offset_s, trip_s)
+        return trip_s
 
     def fastest_s(self) -> float:
         """Return the shortest round trip of the last `EVERY_S` to twice that; inf without any."""

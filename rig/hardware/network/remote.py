@@ -5,6 +5,7 @@ import secrets
 import select
 import socket
 import time
+from collections import deque
 from contextlib import suppress
 from dataclasses import asdict
 from typing import Any, Self
@@ -15,6 +16,7 @@ from rig.hardware.network.link_clock import LinkClock
 from rig.hardware.network.remote_wire import RemoteReading, Wire
 from rig.hardware.observations import ObservationFeed, ObservationSource, TickClock
 from rig.hardware.wiring import Wiring
+from rig.safety.late_watch import LONGEST_ROUND_TRIP_S, LateWatch
 from rig.safety.levelling import LevelOnExit
 from rig.safety.motion_watch import UNKNOWN, Both
 from rig.table import Reading
@@ -24,10 +26,7 @@ CONNECT_S = 5.0
 DEAD_S = 0.09  # the table ticks all the time: so long a silence is a dead link
 TTL_MS = 50  # a command that took longer is not obeyed
 PINGS = 10
-# The servo loop's delay margin: K P = 21.4 1/s and tau = 25 ms give a crossover at 19 rad/s. On the
-# simulated table arms settle as well as without delay up to 30 ms, swing by 3 degrees at 40 ms, by
-# 16 at 50 ms, and reach their limit at 60 ms.
-LONGEST_ROUND_TRIP_S = 0.058
+LATE_CURE = "use Ethernet, or run the program on the table's machine"
 
 
 class RemoteTable(LevelOnExit):
@@ -38,8 +37,9 @@ class RemoteTable(LevelOnExit):
     sure_V: volts that surely move each arm, for the server's monitor. The ball comes
     from the server's camera, or from `eye` here. clock: how the server's clock stands to ours;
     late_ticks: readings that a newer one replaced; period_s: of the ticks that the caller reckons
-    with (None: any). LinkLost: nobody answers there, or the token is refused; ValueError: the
-    server's encoders have another number of counts than the wiring, or its ticks another period.
+    with (None: any); longest_trip_s: of `longest_round_trip_s`. LinkLost: nobody answers there, or
+    the token is refused; ValueError: the server's encoders have another number of counts than the
+    wiring, or its ticks another period.
     """
 
     def __init__(
@@ -53,12 +53,14 @@ class RemoteTable(LevelOnExit):
         homed: bool = True,
         sure_V: tuple[Both, Both] = UNKNOWN,
         period_s: float | None = None,
+        longest_trip_s: float = LONGEST_ROUND_TRIP_S,
     ) -> None:
         self._name = f"remote table {host}:{port}"
         self._time, self._feed, self.clock = TickClock(), ObservationFeed(eye), LinkClock()
         self._tick, self._dead, self._last_exposed_s = 0, "", -math.inf
         self._echoed_s, self._way_s = -math.inf, 0.0
-        self._armed = False
+        self._late, self._unheard = LateWatch(longest_trip_s), deque[float]()
+        self._armed, self._trip_s = False, 0.0
         self.late_ticks = 0
         self._wire = self._connect(host, port)
         try:
@@ -122,11 +124,15 @@ class RemoteTable(LevelOnExit):
     def arm(self) -> None:
         """Let commands through; anew after a stop by silence.
 
-        LinkLost: the connection is gone, or slower than LONGEST_ROUND_TRIP_S.
+        LinkLost: the connection is gone, or its fastest round trip longer than longest_trip_s.
         """
-        self._check_round_trip()
+        fastest_s = self.clock.fastest_s()
+        if not fastest_s <= self._late.longest_s:
+            raise self._lost(self._late.why(fastest_s, LATE_CURE))
         self._send(wire.ARM)
         self._armed = False  # until the table says so
+        self._unheard.clear()
+        self._trip_s = 0.0
 
     @property
     def zero_s(self) -> float:
@@ -136,9 +142,8 @@ class RemoteTable(LevelOnExit):
     def read(self) -> Reading:
         """Wait for the served table's next tick and return its reading, in times of this machine.
 
-        LinkLost: the connection is gone, silent for DEAD_S or slower than LONGEST_ROUND_TRIP_S, the
-        table there failed, or it was stopped because it heard nothing from here. CameraStopped: the
-        camera of `eye` failed.
+        LinkLost: the connection is gone, silent for DEAD_S or late, the table there failed, or it
+        was stopped because it heard nothing from here. CameraStopped: the camera of `eye` failed.
         """
         newest, ball, more = None, None, True
         while newest is None or more:
@@ -154,24 +159,23 @@ class RemoteTable(LevelOnExit):
         if newest.echo_sent_s > self._echoed_s:
             self._echoed_s = newest.echo_sent_s
             times = (newest.echo_sent_s, newest.echo_received_s, newest.sent_s, arrived_s)
-            self.clock.exchange(*times)
-            self._check_round_trip()
+            self._trip_s = self.clock.exchange(*times)
         self._armed = self._armed or bool(newest.flags & wire.ARMED)
         if self._armed and newest.flags & wire.LATCHED:
             raise self._lost(
                 f"heard nothing from this program for {1000 * wire.SILENT_S:.0f} ms and stopped "
                 "the table; look why, then run again"
             )
+        self._check_late(newest.echo_sent_s, arrived_s)
         return self._reading(newest, ball, arrived_s)
 
-    def _check_round_trip(self) -> None:
-        fastest_s = self.clock.fastest_s()
-        if not fastest_s <= LONGEST_ROUND_TRIP_S:
-            raise self._lost(
-                f"the round trip takes {1e3 * fastest_s:.0f} ms (at most "
-                f"{1e3 * LONGEST_ROUND_TRIP_S:.0f}, else the arms swing): use Ethernet, or run the "
-                "program on the table's machine"
-            )
+    def _check_late(self, echo_sent_s: float, now_s: float) -> None:
+        """LinkLost: the link is late; echo_sent_s: when the newest command obeyed was sent."""
+        while self._unheard and self._unheard[0] <= echo_sent_s:
+            self._unheard.popleft()
+        waits_s = now_s - self._unheard[0] if self._unheard else 0.0
+        if self._late.is_late(trip_s := max(self._trip_s, waits_s), now_s):
+            raise self._lost(self._late.why(trip_s, LATE_CURE))
 
     def _reading(self, row: RemoteReading, ball: tuple | None, arrived_s: float) -> Reading:
         """The table's times on this machine's clock."""
@@ -200,6 +204,8 @@ class RemoteTable(LevelOnExit):
             raise ValueError(f"volts must be finite, got {volts}; use rig.safety.limits.limit")
         now_s = time.monotonic()
         self._send(wire.DRIVE, wire.DriveRequest(self._tick, now_s, TTL_MS, *volts).pack())
+        if self._armed:
+            self._unheard.append(now_s)
 
     def notes(self) -> dict[str, Any]:
         """Return what a recording keeps of this link: the clock's record and late_ticks."""

@@ -9,6 +9,8 @@ import os
 import sys
 import threading
 import time
+from collections import deque
+from collections.abc import Callable
 from contextlib import contextmanager, suppress
 from typing import Any
 
@@ -17,12 +19,30 @@ from tests.support.boards.host import HostBoard
 from tests.support.boards.world import STEP_S, World
 
 
+class Way:
+    """One way of a cable: what sets out at t [s] arrives `late_s(t)` [s] later, in its order."""
+
+    def __init__(self) -> None:
+        self.late_s: Callable[[float], float] = lambda now_s: 0.0
+        self._going: deque[tuple[float, bytes]] = deque()
+
+    def carry(self, data: bytes, now_s: float) -> bytes:
+        """Take what sets out now; return what arrives now."""
+        if data:
+            self._going.append((now_s + self.late_s(now_s), data))
+        arrived = b""
+        while self._going and self._going[0][0] <= now_s + 1e-9:
+            arrived += self._going.popleft()[1]
+        return arrived
+
+
 class PtyBoard:
     """Serves a World, or what steps like one, on a pty, one step a millisecond of the wall clock,
-    until `close`."""
+    until `close`. commands, telemetry: the two ways of its cable."""
 
     def __init__(self, world: Any, *, thread: bool = True) -> None:
         self.world, self.hung = world, False
+        self.commands, self.telemetry = Way(), Way()
         self._master, self._slave = os.openpty()
         self.port = os.ttyname(self._slave)
         os.set_blocking(self._master, False)
@@ -52,10 +72,13 @@ class PtyBoard:
         if self.hung:
             self.world.step()
             return
+        data = b""
         with suppress(BlockingIOError, OSError):
-            self.world.board.receive(os.read(self._master, 4096))
+            data = os.read(self._master, 4096)
+        if data := self.commands.carry(data, self.world.now_s):
+            self.world.board.receive(data)
         self.world.step()
-        if data := self.world.board.take():
+        if data := self.telemetry.carry(self.world.board.take(), self.world.now_s):
             with suppress(BlockingIOError, OSError):
                 os.write(self._master, data)
 

@@ -1,10 +1,11 @@
 """A table served by a thread of this process, and a connection that can be cut or held up."""
 
 import os
+import queue
 import socket
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 
 import numpy as np
@@ -44,6 +45,7 @@ class Served:
         )  # fmt: skip
         self.error: BaseException | None = None
         self.volts: list[tuple[float, tuple[float, float]]] = []
+        self.arms: list[np.ndarray] = []
         self._done = threading.Event()
         self._opened: list[RemoteTable] = []
         self.stopped = threading.Event()  # like SIGSTOP for the server
@@ -53,6 +55,7 @@ class Served:
     def _run(self) -> None:
         def until() -> bool:
             self.volts.append((time.monotonic(), self.table.volts_V))
+            self.arms.append(self.table.truth()["arm_rad"].copy())
             while self.stopped.is_set():
                 time.sleep(0.01)
             return self._done.is_set()
@@ -68,6 +71,10 @@ class Served:
         table = RemoteTable("127.0.0.1", port, token, wiring or Wiring(), **more)
         self._opened.append(table)
         return table
+
+    def widest_rad(self) -> float:
+        """How far an arm was from level [rad]."""
+        return float(np.abs(self.arms).max())
 
     def end(self) -> None:
         """End the server while its users are connected."""
@@ -92,13 +99,15 @@ def served(rig: Rig, **settings) -> Iterator[Served]:
 
 
 class Cable:
-    """Forwards a connection byte by byte; `cut` drops it, `hold` keeps everything back."""
+    """Forwards a connection byte by byte; `cut` drops it, `hold` keeps everything back; late_s: how
+    late what the server says at a moment arrives [s]."""
 
     def __init__(self, port: int) -> None:
         self._door = socket.create_server(("127.0.0.1", 0))
         self.port = self._door.getsockname()[1]
         self._target, self.hold, self._ends = port, threading.Event(), []
         self.change = lambda data, up: data
+        self.late_s: Callable[[float], float] = lambda now_s: 0.0
         threading.Thread(target=self._work, daemon=True).start()
 
     def __enter__(self) -> "Cable":
@@ -113,17 +122,28 @@ class Cable:
         self._ends = [near, far]
         for end in self._ends:  # as the two ends have it: else a small message waits for 40 ms
             end.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        for source, sink, up in ((near, far, True), (far, near, False)):
-            threading.Thread(target=self._carry, args=(source, sink, up), daemon=True).start()
+        told = queue.SimpleQueue()
+        for work in (
+            lambda: self._carry(near, far.sendall, up=True),
+            lambda: self._carry(far, lambda data: told.put((time.monotonic(), data)), up=False),
+            lambda: self._deliver(told, near),
+        ):
+            threading.Thread(target=work, daemon=True).start()
 
-    def _carry(self, source: socket.socket, sink: socket.socket, up: bool) -> None:
-        try:
+    def _carry(self, source: socket.socket, give: Callable[[bytes], None], *, up: bool) -> None:
+        with suppress(OSError):
             while data := source.recv(4096):
                 while self.hold.is_set():
                     time.sleep(0.005)
-                sink.sendall(self.change(data, up))
-        except OSError:
-            pass
+                give(self.change(data, up))
+        if not up:
+            give(b"")
+
+    def _deliver(self, told: queue.SimpleQueue, near: socket.socket) -> None:
+        with suppress(OSError):
+            while (one := told.get())[1]:
+                time.sleep(max(one[0] + self.late_s(one[0]) - time.monotonic(), 0.0))
+                near.sendall(one[1])
 
     def cut(self) -> None:
         for end in self._ends:
