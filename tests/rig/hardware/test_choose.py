@@ -1,6 +1,7 @@
 """From [table] to a driver; the markers' tilt that homing believes."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,11 +9,13 @@ import pytest
 from rig.hardware.board.link import LinkLost
 from rig.hardware.camera.plate_tilt import MarkerTilt
 from rig.hardware.choose import check_drive, host_and_port, open_table, usb_numbers
+from rig.hardware.network.token_file import make_token
 from rig.hardware.wiring import Wiring, file_wiring, level_counts, raw_wiring
 from rig.loop.paced import Paced
-from rig.parameters import Rig, Servo, TableChoice
+from rig.parameters import Gains, Rig, Servo, TableChoice
 from rig.plant.ball import plate_rotation
 from rig.rigfile import from_dict, read_rig, to_dict
+from rig.safety.late_watch import longest_round_trip_s
 from tests.support import ROOT
 from vision.frames import Frame
 from vision.plate.markers import default_layout
@@ -76,6 +79,29 @@ def test_each_kind_is_opened_or_named():
     ):
         with pytest.raises(LinkLost, match=r"no-such-port|quanser\.hardware"):
             open_table(Rig(table=table))
+
+
+@pytest.mark.parametrize(
+    ("kind", "table"),
+    [
+        ("serial", "board.board.BoardTable"),
+        ("usb", "board.board.BoardTable"),
+        ("remote", "network.remote.RemoteTable"),
+    ],
+)
+def test_a_link_may_be_as_late_as_the_rigs_servo_loop_stands(
+    kind: str, table: str, tmp_path: Path, monkeypatch
+):
+    make_token(tmp_path / "rig.token")
+    choice = TableChoice(kind=kind, address="lab:7643" if kind == "remote" else "")
+    choice = replace(choice, token_file=str(tmp_path / "rig.token"))
+    servo, gains = Servo(time_constant_s=0.1), Gains(servo_proportional_V_rad=20.0)
+    rig, told = Rig(servo=servo, gains=gains, table=choice), {}
+    monkeypatch.setattr("rig.hardware.board.serial_link.SerialLink", lambda *_: None)
+    monkeypatch.setattr("rig.hardware.board.usb_link.UsbLink", lambda *_: None)
+    monkeypatch.setattr(f"rig.hardware.{table}", lambda *_, **settings: told.update(settings))
+    open_table(rig)
+    assert told["longest_trip_s"] == longest_round_trip_s(rig) != longest_round_trip_s(Rig())
 
 
 @pytest.mark.parametrize(
