@@ -93,7 +93,8 @@ def test_a_link_may_be_as_late_as_the_rigs_servo_loop_stands(
     kind: str, table: str, tmp_path: Path, monkeypatch
 ):
     make_token(tmp_path / "rig.token")
-    choice = TableChoice(kind=kind, address="lab:7643" if kind == "remote" else "")
+    address = "lab:7643" if kind == "remote" else ""
+    choice = TableChoice(kind=kind, port="/dev/no-such-port", address=address)
     choice = replace(choice, token_file=str(tmp_path / "rig.token"))
     servo, gains = Servo(time_constant_s=0.1), Gains(servo_proportional_V_rad=20.0)
     rig, told = Rig(servo=servo, gains=gains, table=choice), {}
