@@ -50,16 +50,14 @@ class LateWatch:
         self.longest_s, self._since_s = longest_s, inf
 
     def is_late(self, trip_s: float, now_s: float) -> bool:
-        """Take a tick at now_s [s]; trip_s: what is known of the round trip [s]: the way of what
-        was just heard, and for how long the oldest command without an answer has waited.
-        """
+        """Take a tick at now_s [s]; trip_s: the round trip [s] as far as that tick knows it."""
         self._since_s = min(self._since_s, now_s) if trip_s > self.longest_s else inf
         return now_s - self._since_s >= self.longest_s
 
     def why(self, trip_s: float, cure: str) -> str:
         """Return what is said of a link whose round trip takes trip_s [s], in one line."""
         return (
-            f"the round trip takes {1e3 * trip_s:.0f} ms, longer than the "
+            f"the round trip takes {1e3 * trip_s:.0f} ms or more, longer than the "
             f"{1e3 * self.longest_s:.0f} ms that the servo loop's delay margin allows: {cure}"
         )
 

@@ -18,7 +18,7 @@ from rig.safety.levelling import LevelOnExit
 
 ANSWER_S = 3.0  # an Arduino that resets on opening spends two seconds in its boot loader
 ASK_AGAIN_S = 0.1
-LATE_CURE = "plug it in without a hub, and end what else loads this machine or its USB"
+LATE_CURE = "see to its cable, plug it in without a hub, end what else loads this machine"
 REASONS = {
     wire.BY_WATCHDOG: "it had no command for 100 ms",
     wire.BY_ANGLE: "an arm was beyond its angle limit",
@@ -250,9 +250,10 @@ class BoardSession(LevelOnExit):
             self._unheard.popleft()
         now_s = self._clock()
         waits_s = now_s - self._unheard[0][1] if self._unheard else 0.0
+        trip_s = max(waits_s, self._times.age_s())
         if waits_s > LINK_DEAD_S:
             why = f"deaf for {1000 * LINK_DEAD_S:.0f} ms"
-        elif self._late.is_late(trip_s := max(waits_s, self._times.age_s()), now_s):
+        elif self._late.is_late(trip_s, now_s):
             why = self._late.why(trip_s, LATE_CURE)
         else:
             return

@@ -5,7 +5,6 @@ import secrets
 import select
 import socket
 import time
-from collections import deque
 from contextlib import suppress
 from dataclasses import asdict
 from typing import Any, Self
@@ -59,8 +58,8 @@ class RemoteTable(LevelOnExit):
         self._time, self._feed, self.clock = TickClock(), ObservationFeed(eye), LinkClock()
         self._tick, self._dead, self._last_exposed_s = 0, "", -math.inf
         self._echoed_s, self._way_s = -math.inf, 0.0
-        self._late, self._unheard = LateWatch(longest_trip_s), deque[float]()
-        self._armed, self._trip_s = False, 0.0
+        self._late, self._trip_s = LateWatch(longest_trip_s), 0.0
+        self._armed = False
         self.late_ticks = 0
         self._wire = self._connect(host, port)
         try:
@@ -131,8 +130,6 @@ class RemoteTable(LevelOnExit):
             raise self._lost(self._late.why(fastest_s, LATE_CURE))
         self._send(wire.ARM)
         self._armed = False  # until the table says so
-        self._unheard.clear()
-        self._trip_s = 0.0
 
     @property
     def zero_s(self) -> float:
@@ -166,16 +163,9 @@ class RemoteTable(LevelOnExit):
                 f"heard nothing from this program for {1000 * wire.SILENT_S:.0f} ms and stopped "
                 "the table; look why, then run again"
             )
-        self._check_late(newest.echo_sent_s, arrived_s)
+        if self._late.is_late(self._trip_s, arrived_s):
+            raise self._lost(self._late.why(self._trip_s, LATE_CURE))
         return self._reading(newest, ball, arrived_s)
-
-    def _check_late(self, echo_sent_s: float, now_s: float) -> None:
-        """LinkLost: the link is late; echo_sent_s: when the newest command obeyed was sent."""
-        while self._unheard and self._unheard[0] <= echo_sent_s:
-            self._unheard.popleft()
-        waits_s = now_s - self._unheard[0] if self._unheard else 0.0
-        if self._late.is_late(trip_s := max(self._trip_s, waits_s), now_s):
-            raise self._lost(self._late.why(trip_s, LATE_CURE))
 
     def _reading(self, row: RemoteReading, ball: tuple | None, arrived_s: float) -> Reading:
         """The table's times on this machine's clock."""
@@ -204,8 +194,6 @@ class RemoteTable(LevelOnExit):
             raise ValueError(f"volts must be finite, got {volts}; use rig.safety.limits.limit")
         now_s = time.monotonic()
         self._send(wire.DRIVE, wire.DriveRequest(self._tick, now_s, TTL_MS, *volts).pack())
-        if self._armed:
-            self._unheard.append(now_s)
 
     def notes(self) -> dict[str, Any]:
         """Return what a recording keeps of this link: the clock's record and late_ticks."""

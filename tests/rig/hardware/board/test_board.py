@@ -777,10 +777,15 @@ def test_a_camera_that_stalls_ends_by_its_name_and_level():
     assert np.all(np.abs(world.arms_rad) < 0.03)
 
 
-def test_a_deaf_board_is_lost():
+@pytest.mark.parametrize(
+    ("longest_s", "said", "most_s"),
+    [(inf, "deaf for 80 ms", 0.1), (0.029, "round trip takes 60 ms or more", 0.07)],
+)
+def test_a_deaf_board_is_lost(longest_s: float, said: str, most_s: float):
     world = World(HostBoard(), Rig())
-    table = table_on(world)
+    table = table_on(world, longest_trip_s=longest_s)
     table.arm()
+    begin_s = world.now_s
     world.board.receive = lambda data: None
 
     def work() -> None:
@@ -788,8 +793,9 @@ def test_a_deaf_board_is_lost():
             table.read()
             table.drive((1.0, 0.0))
 
-    with pytest.raises(LinkLost, match="deaf for 80 ms"):
+    with pytest.raises(LinkLost, match=said):
         work()
+    assert world.now_s - begin_s < most_s
 
 
 def test_a_stopped_board_says_why_and_levels_in_peace():

@@ -25,7 +25,7 @@ from tests.support.boards.world import World
 SQUARE_RAD, PERIOD_S = 0.1, 1.0
 LATE_S = 1.0  # when links become late; the squares turn round in this very tick
 MOST_DEGREES = 13.0  # with 10 ms 7, with 25 ms 9.4 in every period
-SOON_S = 0.1  # from the first late tick to the end
+SOON_S = 0.04  # from the first late tick to the end
 
 
 @dataclass
@@ -99,7 +99,9 @@ def test_a_link_that_becomes_late_ends_the_run_by_its_name(way: str, from_s: flo
     said = str(ran.error)
     assert "board on /dev/" in said
     assert "is lost: the round trip takes" in said
-    assert "longer than the 29 ms that the servo loop's delay margin allows: plug it in" in said
+    assert (
+        "longer than the 29 ms that the servo loop's delay margin allows: see to its cable" in said
+    )
     assert "\n" not in said
     told_ms = float(said.split("takes ")[1].split(" ms")[0])
     known_ms = delay_ms - 3 if way == "telemetry" else 30  # of commands, what they wait so far
@@ -195,7 +197,7 @@ def test_a_table_stands_what_its_rigs_loop_stands():
     """`open_table` says how long that is."""
     spoil = late("telemetry", 0.025, 0.2)
     assert held_level(spoil) >= 1.0
-    with pytest.raises(LinkLost, match=r"takes 2[5-7] ms, longer than the 20 ms"):
+    with pytest.raises(LinkLost, match=r"takes 2[5-7] ms or more, longer than the 20 ms"):
         held_level(spoil, longest_trip_s=0.02)
 
 

@@ -398,9 +398,9 @@ def test_a_link_that_becomes_late_ends_the_run_by_its_name_and_soon(delay_ms: in
             follow_squares(table, 3.0)
         assert time.monotonic() - slow_s < 1e-3 * delay_ms + 0.1
         assert re.fullmatch(
-            rf"remote table 127.0.0.1:{cable.port}: the round trip takes {delay_ms // 10}\d ms, "
-            "longer than the 29 ms that the servo loop's delay margin allows: use Ethernet, or run "
-            "the program on the table's machine",
+            rf"remote table 127.0.0.1:{cable.port}: the round trip takes {delay_ms // 10}\d ms or "
+            "more, longer than the 29 ms that the servo loop's delay margin allows: use Ethernet, "
+            "or run the program on the table's machine",
             str(lost.value),
         )
         table.close()
@@ -426,25 +426,11 @@ def test_single_hiccups_of_a_link_end_no_run():
         assert table.late_ticks > 50
 
 
-def test_commands_that_nobody_answers_make_a_link_late(monkeypatch):
-    """They are too old when they arrive, so that no echo tells how late: their wait does."""
-    with served(CLEAN) as one:
-        table = one.open()
-        table.arm()
-        drive_for(table, 0.2)
-        monkeypatch.setattr(one.server.watchdog, "obey", lambda request, now_s: False)
-        monkeypatch.setattr(one.server.watchdog, "stop", lambda now_s: None)
-        begin_s = time.monotonic()
-        with pytest.raises(LinkLost, match="round trip takes"):
-            drive_for(table, 1.0)
-        assert 0.05 < time.monotonic() - begin_s < 0.1
-
-
 def test_the_table_of_a_rig_with_higher_gains_stands_less():
     with served(CLEAN) as one, Cable(one.server.port) as cable:
         cable.late_s = after(0.0, 0.02)
         table = one.open(port=cable.port, longest_trip_s=0.018)
-        with pytest.raises(LinkLost, match=r"takes 2\d ms, longer than the 18 ms"):
+        with pytest.raises(LinkLost, match=r"takes 2\d ms or more, longer than the 18 ms"):
             table.arm()
 
 
