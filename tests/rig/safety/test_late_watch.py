@@ -92,8 +92,8 @@ def test_late_is_above_the_limit_at_every_tick_of_as_long_a_time():
 
 
 def test_it_says_how_late_and_what_is_allowed_and_the_cure_in_one_line():
-    why = LateWatch(1.0).why(2.0, "use a wire")
+    why = LateWatch(2.0).why(4.0, "use a wire")
     assert why == (
-        "the round trip takes 2000 ms or more, longer than the 1000 ms that the servo loop's delay "
+        "the round trip takes 4000 ms or more, longer than the 2000 ms that the servo loop's delay "
         "margin allows: use a wire"
     )
