@@ -42,8 +42,8 @@ class LateWatch:
     """Says when a link is late: its round trip has been above longest_s [s] at every tick of as
     long a time.
 
-    A single hiccup is none, however long: what comes after it is fresh. Patience is no longer, as a
-    monitor that sees old angles calls them a stall after 36 ms of full volts.
+    A single hiccup is none, as what comes after it is fresh. Patience is no longer than that, since
+    the monitor, which sees old angles, soon calls them a stall.
     """
 
     def __init__(self, longest_s: float) -> None:
