@@ -249,16 +249,16 @@ def export(
 ) -> None:
     """Write a run's log as CSV, Parquet or MAT."""
     from experiments.records.exporting import check_place, export_log
-    from experiments.records.recording import being_recorded, read_run
+    from experiments.records.recording import read_run
     from experiments.records.run_folder import lost_words
 
     check_place(out)
-    growing, whole = being_recorded(run), read_run(run)
+    whole = read_run(run)
     say(str(export_log(whole.log, out)))
     if lost := lost_words(whole.meta):
         typer.echo(f"note: {run}: {lost}", err=True)
-    if growing:
-        typer.echo(f"note: {run} is still being recorded: these are its rows so far", err=True)
+    if whole.growing:
+        typer.echo(f"note: {run}: {whole.part}", err=True)
     elif whole.meta["truncated"]:
         raise WorkFailedError(
             f"{run} is cut short: {len(whole.log)} of {whole.meta.get('rows') or 'unknown'} rows "

@@ -42,8 +42,7 @@ def read_log(path: Path | str) -> Log:
         path = path.parent
     if path.is_dir():
         run = read_run(path)
-        cut = "the recording was cut off" if run.meta["truncated"] else ""
-        notes = [note for note in (cut, lost_words(run.meta)) if note]
+        notes = [note for note in (run.part, lost_words(run.meta)) if note]
         return _checked(path, run.log.columns, notes)
     if not path.exists():
         raise FileNotFoundError(f"{path} does not exist")

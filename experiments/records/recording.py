@@ -65,13 +65,21 @@ class Run:
     """A run as read from its folder.
 
     meta: run.json, and "truncated" (True where the samples end before their time); events: dicts
-    with "t_s", "text" and plain data.
+    with "t_s", "text" and plain data; growing: a program was writing it still.
     """
 
     folder: Path
     meta: dict
     log: Log
     events: list[dict]
+    growing: bool = False
+
+    @property
+    def part(self) -> str:
+        """Why its rows are a part of the run, in words; "" where they are not."""
+        if self.growing:
+            return "still being recorded: these are its rows so far"
+        return "the recording was cut off" if self.meta["truncated"] else ""
 
 
 class Recorder:
@@ -257,6 +265,7 @@ def read_run(folder: Path | str) -> Run:
     for name in ("run.json", "samples.mcap"):
         if not (folder / name).is_file():
             raise FileNotFoundError(f"{folder} is no run folder: it has no {name}")
+    growing = being_recorded(folder)  # before it is read: it may end meanwhile
     try:
         meta = read_meta(folder)
         samples = read_samples(file_bytes(folder / "samples.mcap", LONGEST_SAMPLES))
@@ -264,7 +273,7 @@ def read_run(folder: Path | str) -> Run:
         raise ValueError(f"{folder} is not readable as a run: {error}") from error
     rows = meta.get("rows")
     meta["truncated"] = not samples.complete or (rows is not None and len(samples.rows) < rows)
-    return Run(folder, meta, Log.from_rows(samples.rows), samples.events)
+    return Run(folder, meta, Log.from_rows(samples.rows), samples.events, growing)
 
 
 def being_recorded(folder: Path | str) -> bool:
@@ -356,5 +365,8 @@ def lock(file: int, *, shared: bool = False) -> bool:
 
 def _is_locked(path: Path) -> bool:
     """Whether a recorder has the file."""
-    with path.open("rb") as file:
-        return not lock(file.fileno(), shared=True)
+    handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))  # a pipe would wait
+    try:
+        return not lock(handle, shared=True)
+    finally:
+        os.close(handle)

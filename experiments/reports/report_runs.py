@@ -73,9 +73,9 @@ def _readable(
             notes.append(f"{run.folder.name} has nothing to show: {why}.")
             continue
         if outcome not in _WHOLE or run.meta["truncated"]:
-            why = _how(run.meta) if outcome not in _WHOLE else "its recording was cut off"
-            part = "its numbers are those of a part"
-            notes.append(f"{run.folder.name} did not run to its end ({why}): {part}.")
+            why = _how(run.meta) if outcome not in _WHOLE else run.part
+            short = "is still being recorded" if run.growing else f"did not run to its end ({why})"
+            notes.append(f"{run.folder.name} {short}: its numbers are those of a part.")
         if lost := lost_words(run.meta):
             notes.append(f"{run.folder.name}: {lost}.")
         servo_only = bool(protocol_of(run.meta).get("servo_only"))

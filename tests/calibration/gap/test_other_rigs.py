@@ -53,7 +53,7 @@ def test_a_size_at_the_end_of_what_may_be_is_told():
         (0.5 * parameter.upper, False),
     ):
         fit = evaluate(state.evidence, state.nominal, {parameter.name: value}, [BALL])
-        decided: Any = SimpleNamespace(state=replace(state, fit=fit), chance=None)
+        decided: Any = SimpleNamespace(state=replace(state, fit=fit), chance=None, change=None)
         assert bool(notes(decided, {})) is told
 
 

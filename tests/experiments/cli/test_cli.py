@@ -305,5 +305,5 @@ def test_a_run_that_is_still_being_recorded_is_exported_so_far(tmp_path, capsys)
         row[INDEX["t_s"]] = 0.002 * k
         recorder.append(row)
     assert call("export", tmp_path / "run", "--out", tmp_path / "log.csv") == 0
-    assert "is still being recorded: these are its rows so far" in capsys.readouterr().err
+    assert "still being recorded: these are its rows so far" in capsys.readouterr().err
     recorder.finish("done")

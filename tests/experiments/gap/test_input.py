@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from experiments.gap.input import read_evidence
 from experiments.records.exporting import export_log
-from experiments.records.recording import write_run
+from experiments.records.recording import Recorder, write_run
 from experiments.records.run_folder import read_meta, replace_json
 from rig.log import INDEX
 from rig.parameters import CameraTiming, Gains, Linkage, Servo
@@ -56,6 +56,17 @@ def test_a_run_folder_says_what_is_known(tmp_path):
     assert found.rigs[0] == found.rig == rig
     assert found.notes == ()
     assert len(found.logs[0]) == 6000
+
+
+def test_a_run_that_is_still_being_recorded_says_so(tmp_path):
+    start = {"source": "simulated", "protocol": "steps", "rig": to_dict(RIG)}
+    recorder = Recorder(tmp_path / "run", start)
+    for row in log_of(table_log(seed=1)).rows:
+        recorder.append(row)
+    found = read_evidence([tmp_path / "run"])
+    assert found.notes[0] == "run: still being recorded: these are its rows so far"
+    recorder.finish("done")
+    assert not read_evidence([tmp_path / "run"]).notes
 
 
 def test_what_comes_before_a_time_is_left_out_of_files_and_said(tmp_path):

@@ -197,7 +197,7 @@ def test_what_nobody_but_its_owner_may_read_hides_no_other_run(tmp_path, monkeyp
     """A folder, or the samples of a run without an end."""
     recorded(tmp_path / "1-good")
     closed = cut_off(tmp_path / "2-private") / private
-    look, look_into = Path.stat, Path.open
+    look, look_into, descriptor = Path.stat, Path.open, os.open
 
     def refuse(path: Path) -> None:
         if path == closed or (closed in path.parents):
@@ -213,7 +213,12 @@ def test_what_nobody_but_its_owner_may_read_hides_no_other_run(tmp_path, monkeyp
         return look_into(path, *how, **more)
 
     monkeypatch.setattr(Path, "stat", stat)
+    def opened_low(path, *how, **more):
+        refuse(Path(path))
+        return descriptor(path, *how, **more)
+
     monkeypatch.setattr(Path, "open", opened)
+    monkeypatch.setattr(os, "open", opened_low)
     monkeypatch.setattr(Path, "is_file", lambda path: S_ISREG(path.stat().st_mode))
     assert [row.folder.name for row in list_runs(tmp_path)] == ["1-good"]
     assert {one.name: one.why for one in runs_of(tmp_path)} == {

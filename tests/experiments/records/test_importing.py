@@ -1,6 +1,7 @@
 """What was exported is read back bit for bit; what others wrote is checked and explained."""
 
 import os
+import shutil
 
 import numpy as np
 import pyarrow as pa
@@ -69,12 +70,16 @@ def test_a_run_folder_and_its_exports_are_one_log(tmp_path):
 
 
 def test_a_cut_recording_is_read_and_says_so(tmp_path):
-    recorder = Recorder(tmp_path, {"source": "measured"})
+    recorder = Recorder(tmp_path / "run", {"source": "measured"})
     recorder.append(np.zeros(len(COLUMNS)))
-    log = read_log(tmp_path)
+    growing = read_log(tmp_path / "run")
+    shutil.copytree(tmp_path / "run", tmp_path / "cut")  # which nobody writes
+    cut = read_log(tmp_path / "cut")
     recorder.finish("done")
-    assert len(log) == 1
-    assert "cut off" in log.notes[0]
+    assert len(growing) == len(cut) == 1
+    assert growing.notes[0] == "still being recorded: these are its rows so far"
+    assert "cut off" in cut.notes[0]
+    assert not any("recorded" in note for note in read_log(tmp_path / "run").notes)
 
 
 def write(path, columns):
