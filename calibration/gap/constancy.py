@@ -97,6 +97,8 @@ def changing(state: State) -> Change | None:
     where each is a constant."""
     runs = len(state.evidence.runs)
     for output in state.evidence.outputs:
+        if not state.bounds((output,)):
+            continue
         slopes = _slopes(state, output)
         _, time = next(_ramps(state, output))
         found = [(_beside(state, output, slopes, [k.name], time[:, None]), k) for k in slopes[0]]

@@ -1,15 +1,19 @@
 """What the model takes for a constant, and changes: logs of an independent table whose columns are
 altered as a change would."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from calibration.gap.constancy import changing
 from calibration.gap.model.change import Change
-from calibration.gap.model.state import refit
+from calibration.gap.model.fit import evaluate
+from calibration.gap.model.parameters import BALL, NominalModel
+from calibration.gap.model.state import State, refit
 from calibration.gap.name.stepwise import settled_baseline
 from rig.log import Log
-from tests.support.gap.tables import evidence_of, foreign, released, without_columns
+from tests.support.gap.tables import RIG, evidence_of, foreign, released, without_columns
 
 SECONDS = 40.0
 
@@ -77,3 +81,17 @@ def test_a_level_that_differs_between_runs_is_told_of_the_runs():
     assert (change.parameter.effect, change.runs) == ("level_offset", 2)
     assert change.channel == "ball_x"
     assert change.end - change.begin == pytest.approx(0.004, rel=0.3)
+
+
+@pytest.mark.parametrize("lacks", ["weight", "freedom"])
+def test_what_nothing_is_known_of_has_no_change(lacks: str):
+    evidence = evidence_of(foreign("steps", seed=1, effects={}, duration_s=5.0))
+    moving = () if lacks == "weight" else (BALL,)
+    masks = {o: m * (o in moving) for o, m in evidence.masks.items()}
+    evidence = replace(evidence, masks=masks)
+    fixed = dict.fromkeys(released(evidence).nominal.catalogue, 0.0)
+    nominal = NominalModel(RIG, load_friction=False, tolerances=fixed)
+    state = State(evidence, nominal, evaluate(evidence, nominal, {}, moving))
+    assert evidence.outputs == moving
+    assert not state.bounds((BALL,))
+    assert changing(state) is None

@@ -213,6 +213,7 @@ def test_what_nobody_but_its_owner_may_read_hides_no_other_run(tmp_path, monkeyp
         return look_into(path, *how, **more)
 
     monkeypatch.setattr(Path, "stat", stat)
+
     def opened_low(path, *how, **more):
         refuse(Path(path))
         return descriptor(path, *how, **more)
