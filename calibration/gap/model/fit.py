@@ -163,7 +163,8 @@ def bounded_step(
     upper = np.linalg.cholesky(h).T
     right = np.linalg.solve(upper.T, -b * scale)
     low, high = np.minimum(low / scale, -1e-12), np.maximum(high / scale, 1e-12)
-    return lsq_linear(upper, right, (low, high), method="bvls").x * scale
+    most = 10 * len(b)  # each frees a parameter, which may be bound again; chosen
+    return lsq_linear(upper, right, (low, high), method="bvls", max_iter=most).x * scale
 
 
 @dataclass(frozen=True, eq=False)

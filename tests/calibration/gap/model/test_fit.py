@@ -6,7 +6,7 @@ from math import inf
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.optimize import minimize
 
@@ -114,8 +114,62 @@ def programmes(draw):
     return j.T @ j, b, low, high, scale
 
 
+FREED_AGAIN = (  # takes more steps than it has parameters
+    np.array(
+        [
+            [
+                2.58952746e06,
+                -1.41586688e04,
+                6.05884494e04,
+                1.20260980e05,
+                1.94170153e03,
+                -8.05418106e04,
+            ],
+            [
+                -1.41586688e04,
+                1.89662576e04,
+                -1.75194116e03,
+                1.42941557e04,
+                -104.033367,
+                -296.273342,
+            ],
+            [
+                6.05884494e04,
+                -1.75194116e03,
+                2.73992011e03,
+                2.15589497e03,
+                97.2668902,
+                -1.99121589e03,
+            ],
+            [
+                1.20260980e05,
+                1.42941557e04,
+                2.15589497e03,
+                3.96338800e04,
+                -151.862601,
+                -3.47258158e03,
+            ],
+            [1.94170153e03, -104.033367, 97.2668902, -151.862601, 5.34866086, -80.2703715],
+            [
+                -8.05418106e04,
+                -296.273342,
+                -1.99121589e03,
+                -3.47258158e03,
+                -80.2703715,
+                3.04491059e03,
+            ],
+        ]
+    ),
+    np.array([-2971.33576, -27.1939462, -29.7823859, -20.3498761, -1.78468998, 86.7006695]),
+    np.array([-0.00021723, -0.01682939, 0.0, -0.00044092, 0.0, -0.09138853]),
+    np.array([0.00515615, 0.00838499, inf, 0.0393382, 2.55411001, 0.04196389]),
+    np.array([0.00147597, 0.0082736, 0.03088439, 0.00833113, 0.72389908, 0.0321708]),
+)
+
+
 @settings(max_examples=150)
 @given(programmes())
+@example(FREED_AGAIN)
 def test_the_step_meets_the_conditions_of_kuhn_and_tucker(programme):
     a, b, low, high, scale = programme
     step = bounded_step(a, b, low, high, scale) / scale
