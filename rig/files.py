@@ -25,7 +25,7 @@ STEP = 1 << 16  # bytes by which a file that grows is read; chosen: 200 rows of 
 LONGEST_TOML = 1 << 20  # bytes; chosen: a hundred times a long rig file
 _UNITS = ("m", "kg", "s")  # of the names' ends, which are told where a number is too large
 # A pipe that nobody writes to would be waited for, before one could see that it is a pipe.
-_FLAGS = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+READS = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
 
 
 class StrictModel(BaseModel):
@@ -167,7 +167,7 @@ def file_bytes(path: Path, longest: int | None = LONGEST) -> bytes:
     line, without the path): a folder, a pipe or a device, longer, or mostly a hole. OSError: it
     cannot be read.
     """
-    handle = os.open(path, _FLAGS)
+    handle = os.open(path, READS)
     try:
         about = os.fstat(handle)
         if not stat.S_ISREG(about.st_mode):

@@ -49,7 +49,7 @@ from experiments.records.samples_reading import (
     SamplesFile,
     read_samples,
 )
-from rig.files import file_bytes, write_whole
+from rig.files import READS, file_bytes, write_whole
 from rig.log import COLUMNS, Log
 from rig.loop.loop import ending_of
 
@@ -365,7 +365,7 @@ def lock(file: int, *, shared: bool = False) -> bool:
 
 def _is_locked(path: Path) -> bool:
     """Whether a recorder has the file."""
-    handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))  # a pipe would wait
+    handle = os.open(path, READS)
     try:
         return not lock(handle, shared=True)
     finally:
