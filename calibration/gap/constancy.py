@@ -1,9 +1,9 @@
 """Is the size of a name a constant, and is every parameter one where nothing has a name?
 
 A physical size is the same in every part of the motion (Hansen, J. Policy Modeling 14, 1992; Lin
-and Terasvirta, J. Econometrics 62, 1994). By time, place, speed, tilt and its rate (a
-servo: time, angle, speed, volts), g rises from -1/2 where they are least to 1/2 at their quantile
-of FULL, and the size gets a second parameter that is added times g:
+and Terasvirta, J. Econometrics 62, 1994). By time, place, speed, tilt and its rate (a servo: time,
+angle, speed, volts), g rises from -1/2 where they are least to 1/2 at their quantile of FULL, and
+the size gets a second parameter that is added times g:
 
     z = -(J d + J_size g delta) + e,   F = delta' cov^-1 delta/k
 
@@ -76,6 +76,7 @@ FULL = 0.99  # of the motion: beyond are its outliers; chosen
 def inconstancy(state: State, one: Accepted, output: str) -> str:
     """On what the size of a name depends most, or why that cannot be said, in words; "" if it is
     constant on every axis."""
+    slopes = _slopes(state, output)
     for axis in one.axes:
         parameters = state.nominal.of(one.name, axis)[: 2 if one.name in PERIODIC else 1]
         own = [k.name for k in parameters if k.name in state.bounds((output,))]
@@ -83,7 +84,6 @@ def inconstancy(state: State, one: Accepted, output: str) -> str:
         size -= [0.0 if one.name in PERIODIC else k.nominal for k in parameters[: len(own)]]
         if not own or not np.all(np.isfinite(size)):
             continue
-        slopes = _slopes(state, output)
         for word, along in _ramps(state, output):
             beside = _beside(state, output, slopes, own, along[:, None])
             share = float(np.linalg.norm(beside.sizes) / max(np.linalg.norm(size), 1e-30))

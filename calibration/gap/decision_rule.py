@@ -62,6 +62,7 @@ FAMILY_P = 1e-4  # tail of each of about 100 tests of a log's names: 1 in CHANCE
 # tells: 1 in CHANCE_ONE_IN random walks is as straight (by polynomials up to the ninth order).
 MAX_UNEVENNESS = 0.19
 MAX_INCONSTANCY = 0.25  # by which a size has to differ as well, since no model is exact; chosen
+CANCELLED_SHARE = 1 / 3  # of a lag that a dead time takes back: another answer's shape; chosen
 # Of a name whose size is no constant, or whose gain 1 s ahead is not certain: as likely something
 # else. Chosen.
 DOUBTED_PROBABILITY = 0.5

@@ -30,7 +30,7 @@ from collections.abc import Collection, Mapping
 
 import numpy as np
 
-from calibration.gap.decision_rule import RANGE_END_STEPS, is_certain
+from calibration.gap.decision_rule import CANCELLED_SHARE, RANGE_END_STEPS, is_certain
 from calibration.gap.model.cost import huber, weights
 from calibration.gap.model.fit import evaluate
 from calibration.gap.model.flexible import ball_regressors, servo_regressors, with_hats
@@ -45,7 +45,6 @@ OFFSETS = ("level_offset", "voltage_offset")  # effects whose size is a constant
 JOINT = "joint_backlash"
 RIPPLE, RESISTANCE = "transmission_ripple", "rolling_resistance"
 ANSWERS = ("servo_lag", "servo_dead_time")  # by which a servo is late
-CANCELS = 1 / 3  # of one that the other takes back; chosen: less is a tolerance, not another shape
 LEADS_S = (0.1, 0.2, 0.4)  # from a controller's first answer to most of it; chosen
 FOLD_S = 1.0  # of folds in turn: longer than a filter remembers, shorter than a hat; chosen
 FOLDS = 5  # four fifths of the seconds tell a fifth: the usual number of a cross-validation
@@ -97,8 +96,8 @@ def another_response(state: State, one: Accepted) -> str:
     """Why a servo's lag or dead time cannot be certain beside the other, in words; "" if it can.
 
     Both make it late. Where one grows while the other falls, by all of its tolerance or more and by
-    CANCELS of that growth, the servo is hardly later but answers otherwise: to first order in s, a
-    dead time T beside a lag -T is nothing, to second order what an elastic plate or drive does.
+    CANCELLED_SHARE of that growth, the servo is hardly later but answers otherwise: to first order
+    in s, a dead time T beside a lag -T is nothing, to second what an elastic plate or drive does.
     """
     if one.name not in ANSWERS:
         return ""
@@ -107,7 +106,7 @@ def another_response(state: State, one: Accepted) -> str:
         pair = [state.nominal.of(name, axis)[0] for name in (one.name, other)]
         own, beside = (state.fit.setting.get(k.name, k.nominal) - k.nominal for k in pair)
         edge = pair[1].tolerance - RANGE_END_STEPS * pair[1].step
-        if own * beside < 0.0 and abs(beside) >= max(edge, CANCELS * abs(own)) > 0.0:
+        if own * beside < 0.0 and abs(beside) >= max(edge, CANCELLED_SHARE * abs(own)) > 0.0:
             return (
                 f"on {axis} it stands beside a {other} of {1e3 * beside:+.0f} ms: the servo or the "
                 "plate answers otherwise, and may be elastic"

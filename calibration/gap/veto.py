@@ -269,8 +269,8 @@ def _doubted(
         outputs = outputs_of_name(one, state.nominal.catalogue)
         stands_in = another_response(state, one) or held_at_rest(state, one, accepted, spread)
         for output in (o for o in outputs if o in state.evidence.outputs):
-            whole = inconstancy(state, one, output) or untimely(state, one, output)
-            if reason := stands_in or whole:
+            size = stands_in or inconstancy(state, one, output)
+            if reason := size or untimely(state, one, output):
                 sure[output] = min(sure[output], DOUBTED_PROBABILITY)
                 doubts.append(f"not certain: {one.name}: {reason}")
     return sure, doubts
