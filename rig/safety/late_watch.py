@@ -8,8 +8,7 @@ trip T of command and answer
 
 so that the loop is stable for T below its delay margin (pi/2 - atan(tau w)) / w. A round trip of
 half of that takes half of the phase margin; what is left is for the tick, the filters and a servo
-that is not quite the rig file's. (A derivative part of the servo loop up to 0.3 V s/rad, with its
-filter, changes the default table's margin by 4 %.)
+that is not quite the rig file's, and for a derivative part of the servo loop, which is not counted.
 """
 
 from math import atan, inf, pi, sqrt

@@ -23,8 +23,8 @@ SETTLING_S = 0.5  # chosen: some lags of a slow servo (66 ms) and of its plate
 class PulseTable(ServoTable, BoardSession):
     """A table whose hobby servos a board drives by pulses: configured and disarmed when opened.
 
-    What closes over the link is the ball's loop alone: its delay margin is 149 to 193 ms in the
-    shipped rig files, so that 80 ms, after which a board counts as deaf, are half of it.
+    The ball's loop alone closes over the link, which is slower than a servo's: no round trip is
+    too long for it but that of a board that counts as deaf.
 
     Arming begins the pulses at level; a servo goes there from wherever it is as fast as it can.
     `drive` takes angles, which the board reaches at rate_limit_rad_s [rad/s] at most; leaving the
