@@ -35,9 +35,9 @@ class Mine:
 PROTOCOL = 'title = "mine"\nduration_s = 1.0\ncontroller = "mine.py:Mine"\n[start]\nhold_s = 0.0\n'
 
 
-def request(folder: Path, what: str, file: str = FILE) -> RunRequest:
+def request(folder: Path, what: str, file: str = FILE, protocol: str = PROTOCOL) -> RunRequest:
     (folder / "mine.py").write_text(file.format(what=what))
-    (folder / "mine.toml").write_text(PROTOCOL)
+    (folder / "mine.toml").write_text(protocol)
     plan = read_protocol(str(folder / "mine.toml"))
     return RunRequest(load_rig(None), plan, "own", 1, folder / "runs")
 
@@ -95,12 +95,14 @@ def test_a_signal_to_the_program_stops_the_run_in_the_copy(tmp_path, number):
     def at_once(t_s: float) -> None:
         os.kill(os.getpid(), number)
 
+    slowly = "self.ticks = 0; time.sleep(0.1)"  # the signal comes while it runs, on a busy machine too
+    long = PROTOCOL.replace("1.0", "300.0")
     before = signal.getsignal(number)
     if before == signal.SIG_IGN:  # as a shell starts what runs in the background
         signal.signal(number, signal.default_int_handler)
     try:
         with pytest.raises((SystemExit, KeyboardInterrupt)):
-            run_own(request(tmp_path, "time.sleep(0.5)"), progress=at_once)
+            run_own(request(tmp_path, slowly, protocol=long), progress=at_once)
     finally:
         signal.signal(number, before)
     (folder,) = (tmp_path / "runs").iterdir()
