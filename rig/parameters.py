@@ -64,19 +64,15 @@ class Servo(Section):
     K is gain_rad_s_V, tau is time_constant_s. Encoder counts are those of one turn of the load
     shaft after quadrature. "position": the servo takes an angle and holds it by itself
     (`rig.plant.position_servo`). It reads the command every period_s (0: at once) to the nearest
-    quantum_rad (0: exactly), dead_time_s late; it follows with the lag lag_s, at most at
-    rate_limit_rad_s and acceleration_limit_rad_s2, and stops dead_band_rad short.
-    angle_measured: its angle is read back.
+    quantum_rad (0: exactly), dead_time_s late; it follows with the lag lag_s by a motor that takes
+    up speed with motor_lag_s, at most at rate_limit_rad_s and acceleration_limit_rad_s2, and stops
+    dead_band_rad short. angle_measured: its angle is read back.
     """
 
     by_axis: ClassVar[tuple[str, ...]] = (
-        "lag_s",
-        "dead_time_s",
-        "rate_limit_rad_s",
-        "acceleration_limit_rad_s2",
-        "dead_band_rad",
-        "quantum_rad",
-        "period_s",
+        *("lag_s", "dead_time_s", "motor_lag_s"),
+        *("rate_limit_rad_s", "acceleration_limit_rad_s2"),
+        *("dead_band_rad", "quantum_rad", "period_s"),
     )
     kind: Literal["voltage", "position"] = VOLTAGE
     gain_rad_s_V: Positive = 1.53
@@ -90,6 +86,7 @@ class Servo(Section):
     tachometer_scale: Finite = 0.0  # relative error of the plant's tachometer; A allows 2 %
     lag_s: Wait = 0.05  # RC servos of a lab table, by their owners: 0.046 and 0.066
     dead_time_s: Wait = 0.0
+    motor_lag_s: Wait = 0.0
     rate_limit_rad_s: Positive = 8.7  # RC servos: 0.1 to 0.2 s for 60 degrees
     acceleration_limit_rad_s2: Positive = 1e4  # chosen: full rate after 1 ms, no limit of its own
     dead_band_rad: NotNegative = 0.0

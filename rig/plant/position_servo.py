@@ -11,6 +11,7 @@ On its way a command u(t) [rad] meets, in this order,
     lag              omega = e/T, which over a step h with constant e is e (1 - exp(-h/T))/h,
     rate limit       |omega| <= Omega, and such that |d omega/dt| <= A still stops it at its target:
                      |omega| <= A h (sqrt(1/4 + 2 |e|/(A h^2)) - 1/2),
+    motor            M d omega/dt = (the rate above) - omega: M T s^2 + T s + 1 with the lag,
     acceleration     |omega - omega before| <= A h.
 
 Nothing moves until the command is further off than w, and the angle stops that far short. `p` is
@@ -100,7 +101,7 @@ def rate_limit(limit_rad_s, further_rad_s):
 
 
 @inlined
-def next_rate(error, rate, lag_s, limit_rad_s, acceleration_rad_s2, h):
+def next_rate(error, rate, lag_s, motor_lag_s, limit_rad_s, acceleration_rad_s2, h):
     """Rate of a servo over the next step h [rad/s].
 
     error: command less angle, after the dead band [rad]; rate: over the step before.
@@ -110,6 +111,8 @@ def next_rate(error, rate, lag_s, limit_rad_s, acceleration_rad_s2, h):
     stops = change * (sqrt(0.25 + 2.0 * size / (change * h)) - 0.5)
     wanted = min(size * share, limit_rad_s, stops)
     wanted = wanted if error > 0.0 else -wanted
+    if motor_lag_s > 0.0:
+        wanted = rate + (wanted - rate) * (1.0 - exp(-h / motor_lag_s))
     return min(max(wanted, rate - change), rate + change)
 
 
@@ -158,6 +161,7 @@ def drawn_off(p, a, goal, angle, rate, now, h):
         command_dead_band(goal - angle, band),
         rate,
         servo_lag(p.lag_s[a], p.servo_lag_lag_s[a]),
+        p.motor_lag_s[a],
         rate_limit(p.rate_limit_rad_s[a], p.rate_limit_limit_rad_s[a]),
         p.acceleration_limit_rad_s2[a],
         h,
@@ -198,8 +202,8 @@ def moved_servo(p, i, wanted, angle, rate, h):
     error = command_dead_band(wanted - angle, band)
     lag = servo_lag(mixed(p, i, p.lag_s), mixed(p, i, p.servo_lag_lag_s))
     limit = mixed_limit(p, i)
-    acceleration = mixed(p, i, p.acceleration_limit_rad_s2)
-    rate = next_rate(error, rate, lag, limit, acceleration, h)
+    motor, acceleration = mixed(p, i, p.motor_lag_s), mixed(p, i, p.acceleration_limit_rad_s2)
+    rate = next_rate(error, rate, lag, motor, limit, acceleration, h)
     turned = angle + h * rate
     rate = rate if abs(turned) <= p.stop_rad else 0.0
     return min(max(turned, -p.stop_rad), p.stop_rad), rate

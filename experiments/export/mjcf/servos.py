@@ -29,7 +29,8 @@ def add_servo(
     """Add servo i of a table (record p, dtype PLANT), to `joint`; the joint's attributes.
 
     With a lag T: an overdamped hinge, c omega = k(e - w), w the dead band as dry friction k w, the
-    rate limit as the force limit c Omega + k w, the acceleration limit as c Omega over the inertia.
+    rate limit as the force limit c Omega + k w, the acceleration limit as c Omega over the inertia,
+    which is at least c M of the motor's lag M: M T s^2 + T s + 1 as `rig.plant.position_servo` has.
     Without lag: a stiff hinge whose force limit is the acceleration limit, told a setpoint that
     moves at the rate limit.
     """
@@ -50,7 +51,8 @@ def add_servo(
     }
     if lag > 0:
         damping = k * lag
-        inertia, force = damping * rate / change, damping * rate + k * band
+        inertia = damping * max(mixed(p, i, "motor_lag_s"), rate / change)
+        force = damping * rate + k * band
         own = {"gainprm": k * (1 + scale), "biastype": "affine", "biasprm": (k * zero, -k, 0)}
     else:
         inertia, damping = k / FAST_RAD_S**2, 0.0

@@ -5,6 +5,7 @@ from math import exp, inf, pi
 
 import numpy as np
 import pytest
+from scipy import signal
 
 from rig.control.controllers import WITH
 from rig.course import Course
@@ -58,6 +59,15 @@ def test_a_step_of_a_lag_with_dead_time_is_an_exponential():
     whole = told(replace(FREE, lag_s=0.05, dead_time_s=0.02), step())
     since = np.maximum(times(whole) - 0.02, 0.0)
     np.testing.assert_allclose(whole[:, 1], 0.2 * (1 - np.exp(-since / 0.05)), atol=1e-12)
+
+
+@pytest.mark.parametrize("motor_s", [0.005, 0.02])
+def test_a_motor_that_takes_up_speed_makes_the_lag_one_of_second_order(motor_s):
+    lag_s = 0.05
+    angles = told(replace(FREE, lag_s=lag_s, motor_lag_s=motor_s), step())[:, 0]
+    expected = signal.step(([0.2], [lag_s * motor_s, lag_s, 1.0]), T=times(angles))[1]
+    np.testing.assert_allclose(angles, expected, atol=3e-4)
+    assert (angles.max() > 0.2 * 1.001) == (motor_s > lag_s / 4)  # it overshoots where it swings
 
 
 def test_each_axis_has_its_own_values():
