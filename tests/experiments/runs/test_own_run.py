@@ -95,7 +95,7 @@ def test_a_signal_to_the_program_stops_the_run_in_the_copy(tmp_path, number):
     def at_once(t_s: float) -> None:
         os.kill(os.getpid(), number)
 
-    slowly = "self.ticks = 0; time.sleep(0.1)"  # the signal comes while it runs, on a busy machine too
+    slowly = "self.ticks = 0; time.sleep(0.1)"  # so that the signal comes while it runs
     long = PROTOCOL.replace("1.0", "300.0")
     before = signal.getsignal(number)
     if before == signal.SIG_IGN:  # as a shell starts what runs in the background
