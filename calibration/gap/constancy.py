@@ -115,7 +115,7 @@ def _beyond_tolerance(state: State, found: "Beside", one: Parameter) -> bool:
     """Whether a parameter changes by more than its tolerance for certain. That of K and tau is a
     share of them: the model fits them whatever the rig file says."""
     value = state.fit.setting.get(one.name, one.nominal)
-    tolerance = one.tolerance if one.effect else CALIBRATED[one.key] * abs(value)
+    tolerance = CALIBRATED[one.key] * abs(value) if one.key in CALIBRATED else one.tolerance
     return abs(found.sizes[0]) - tolerance > SURE_Z * sqrt(found.cov[0, 0])
 
 

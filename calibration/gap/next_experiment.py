@@ -342,7 +342,9 @@ def _fitted(
     state = State(evidence, nominal, start, name.keys)
     bounds = state.bounds(outputs)
     # K and tau are known from the logs at hand, within their tolerance.
-    for parameter in (nominal.parameters[n] for n in bounds if not nominal.parameters[n].effect):
+    for parameter in (nominal.parameters[name] for name in list(bounds)):
+        if parameter.key not in CALIBRATED:
+            continue
         half = CALIBRATED[parameter.key] * parameter.nominal
         bounds[parameter.name] = parameter.nominal - half, parameter.nominal + half
     return refit(state, bounds, iterations=FIT_ITERATIONS)

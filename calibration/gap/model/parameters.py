@@ -33,6 +33,7 @@ from calibration.gap.model.seen_effects import IN_BOTH, TOLD_TWINS, effects_in, 
 from rig.discrepancy import Discrepancy
 from rig.discrepancy import pack as pack_unknown
 from rig.effects import Effect, values
+from rig.linkage import THREE_ARMS
 from rig.parameters import Rig
 from rig.plant.plant_record import pack
 
@@ -49,7 +50,7 @@ STEPS = {
     "coefficient_1_rad": 0.02, "coefficient_1_rad2": 0.1, "slope_rad": 2e-4, "rate_rad_s": 1e-5,
     "stiffness_1_s2": 0.02, "deceleration_m_s2": 0.001, "extra_s": 0.001, "angle_rad": 0.003,
     "k1_1_m2": 0.1, "height_m": 0.002, "lag_s": 0.002, "limit_rad_s": 0.05,
-    "half_width_rad": 0.001, "fall_1": 1.0,
+    "half_width_rad": 0.001, "fall_1": 1.0, "motor_lag_s": 0.001, "as_dead_time_1": 0.2,
 }  # fmt: skip
 OWN_STEPS = {
     "transmission_ripple.sine": 0.001,
@@ -68,6 +69,11 @@ INNER_SHAPE = {
     "joint_backlash": [FALL_KEY],
     "camera_scale": [HEIGHT_KEY],
 }
+# Of a servo that takes an angle and reads it back: the lag with which its motor takes up speed, and
+# the share of it that the rig file tells as dead time. They change the shape of the answer and not
+# how late it is, so they are always fitted, and no effect.
+MOTOR_KEY, SHARE_KEY = "motor_lag_s", "as_dead_time_1"
+ANSWER = {MOTOR_KEY: 0.1, SHARE_KEY: 1.0}  # highest; of a motor chosen, as of a heavy plate
 GUESSES = (0.2, 0.5, 1.0, 2.0, 5.0)  # of the nominal K and tau: starts of a fit far from them
 
 
@@ -199,6 +205,12 @@ class NominalModel:
                 yield Parameter(
                     "", key, axis, nominal, inf, nominal / 12, nominal * 12, 0.02 * nominal
                 )
+        both = self.rig.linkage.kind == THREE_ARMS
+        for key, high in ANSWER.items() if servo.takes_angle and servo.has_angle else ():
+            for axis in "xy":
+                nominal = getattr(servo.on(axis), key, 0.0)
+                high, step = max(high, nominal), STEPS[key]
+                yield Parameter("", key, axis, nominal, inf, 0.0, high, step, in_both=both)
         for effect in self.effects:
             for axis in effect.axes:
                 for key in _keys(effect):
@@ -314,16 +326,18 @@ class NominalModel:
         record, numbers = copied(self._record)
         servo = self.rig.servo
         gain, tau = [servo.gain_rad_s_V] * 2, [servo.time_constant_s] * 2
-        touched = {}
+        touched, calibrated = {}, {}
         for name, value in setting.items():
             parameter = self.parameters[name]
             if not parameter.effect:
-                (gain if parameter.key == "gain_rad_s_V" else tau)["xy".index(parameter.axis)] = (
-                    value
-                )
+                calibrated.setdefault("xy".index(parameter.axis), {})[parameter.key] = value
                 continue
             for a in {"x": (0,), "y": (1,), "xy": (0, 1)}[parameter.axis]:
                 touched.setdefault((parameter.effect, a), {})[parameter.key] = value
+        for a, given in calibrated.items():
+            gain[a] = given.get("gain_rad_s_V", gain[a])
+            tau[a] = given.get("time_constant_s", tau[a])
+            self._answer(numbers, a, given)
         for (effect, a), given in touched.items():
             if self.is_own(effect):
                 self._set_own(record, effect, a, given)
@@ -332,6 +346,17 @@ class NominalModel:
                 numbers[self._places[field][a]] = value
         derive(numbers, self._places, self._wound)
         return Model(record, (gain[0], gain[1]), (tau[0], tau[1]))
+
+    def _answer(self, numbers: "memoryview[float]", a: int, given: Mapping[str, float]) -> None:
+        """Write how the servo of axis `a` answers an angle: what the rig file tells of its motor's
+        lag as dead time is lag."""
+        if MOTOR_KEY not in given:
+            return
+        lag, dead, motor = (self._places[k][a] for k in ("lag_s", "dead_time_s", MOTOR_KEY))
+        numbers[motor] = given[MOTOR_KEY]
+        moved_s = min(given.get(SHARE_KEY, 0.0) * given[MOTOR_KEY], numbers[dead])
+        numbers[lag] += moved_s
+        numbers[dead] -= moved_s
 
     def _set_own(self, p: np.record, name: str, a: int, given: Mapping[str, float]) -> None:
         """Write the parameters of a lab's own effect into the plant's record."""

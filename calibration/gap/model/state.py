@@ -4,8 +4,9 @@ The baseline is the nominal model with every parameter free inside its tolerance
 noise levels are always free.
 """
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
@@ -18,7 +19,9 @@ from calibration.gap.model.parameters import (
     BALL,
     CALIBRATED,
     GUESSES,
+    MOTOR_KEY,
     SERVO,
+    SHARE_KEY,
     NominalModel,
     Parameter,
     released,
@@ -28,6 +31,9 @@ from rig.discrepancy import Discrepancy
 from rig.effects import Effect
 
 RESTART_RATIO = 1.7  # of K or tau to its nominal: beyond, other starts are tried, too; chosen
+SERVO_GUESSES = dict.fromkeys(CALIBRATED, GUESSES)
+# From a motor without a lag nothing tells which share of it is told as dead time; chosen.
+ANSWER_GUESSES = {MOTOR_KEY: (0.005, 0.01, 0.02, 0.04), SHARE_KEY: (0.0, 1.0)}
 Key = tuple[str, str]  # effect, axis
 
 
@@ -121,15 +127,17 @@ def refit(
 
 
 def baseline(evidence: Evidence, nominal: NominalModel, *, iterations: int = 6) -> State:
-    """The nominal model fitted inside its tolerance boxes, output by output. Where K or tau end
-    beyond RESTART_RATIO of nominal, a fit from the best of other starts is tried, too."""
-    begun = State(evidence, nominal, evaluate(evidence, nominal, {}, evidence.outputs))
-    state = _within_boxes(begun, iterations)
-    servo = [parameter for parameter in nominal.parameters.values() if not parameter.effect]
+    """The nominal model fitted inside its tolerance boxes, output by output, a servo's motor that
+    takes an angle from the best start of ANSWER_GUESSES. Where K or tau end beyond RESTART_RATIO of
+    nominal, a fit from the best of other starts is tried, too."""
+    begun = _servo_guess(evidence, nominal, ANSWER_GUESSES)
+    state = _within_boxes(State(evidence, nominal, begun), iterations)
+    servo = [k for k in nominal.parameters.values() if k.key in CALIBRATED]
     ratio = [state.fit.setting.get(k.name, k.nominal) / k.nominal for k in servo]
     if all(1 / RESTART_RATIO < r < RESTART_RATIO for r in ratio):
         return state
-    other = _within_boxes(replace(state, fit=_servo_guess(evidence, nominal)), iterations)
+    guess = State(evidence, nominal, _servo_guess(evidence, nominal, SERVO_GUESSES))
+    other = _within_boxes(guess, iterations)
     return other if other.fit.cost < state.fit.cost else state
 
 
@@ -139,19 +147,24 @@ def _within_boxes(state: State, iterations: int) -> State:
     return state
 
 
-def _servo_guess(evidence: Evidence, nominal: NominalModel) -> ParameterFit:
-    """The nominal model, K and tau of each axis the best of the grid GUESSES x GUESSES."""
+def _servo_guess(
+    evidence: Evidence, nominal: NominalModel, guesses: Mapping[str, Sequence[float]]
+) -> ParameterFit:
+    """The nominal model, on each axis the best of the grid of `guesses` (key of a servo's own
+    parameter -> values, those of CALIBRATED as shares of nominal) that the model has."""
     best = evaluate(evidence, nominal, {}, evidence.outputs)
-    for output in set(SERVO) & set(evidence.outputs):
-        k, tau = (nominal.parameters[f".{key}.{output[-1]}"] for key in CALIBRATED)
-        for gain in GUESSES:
-            for time in GUESSES:
-                tried = {k.name: gain * k.nominal, tau.name: time * tau.nominal}
-                found = evaluate(evidence, nominal, best.setting | tried, (output,))
-                if found.cost < best.costs[output]:
-                    best = ParameterFit(
-                        found.setting, best.rolls | found.rolls, best.costs | found.costs
-                    )
+    for output in sorted(set(SERVO) & set(evidence.outputs)):
+        own = [nominal.parameters.get(f".{key}.{output[-1]}") for key in guesses]
+        if None in own:
+            continue
+        units = [k.nominal if k.key in CALIBRATED else 1.0 for k in own]
+        for values in product(*guesses.values()):
+            tried = {k.name: v * unit for k, v, unit in zip(own, values, units, strict=True)}
+            found = evaluate(evidence, nominal, best.setting | tried, (output,))
+            if found.cost < best.costs[output]:
+                best = ParameterFit(
+                    found.setting, best.rolls | found.rolls, best.costs | found.costs
+                )
     return best
 
 

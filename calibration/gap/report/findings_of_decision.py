@@ -13,6 +13,7 @@ from calibration.gap.model.parameters import (
     COAST_KEY,
     HEIGHT_KEY,
     IN_RECORD,
+    MOTOR_KEY,
     PERIODIC,
     SERVO,
     NominalModel,
@@ -23,6 +24,7 @@ from calibration.gap.name.candidates import largest_volts
 from calibration.gap.name.decide import Decision
 from calibration.gap.name.screen import Screened
 from calibration.gap.name.stepwise import Accepted
+from calibration.gap.prove import model_of
 from rig.effects import BY_NAME, Effect
 from rig.parameters import GEARS_INERTIA_HIGH_KG_M2, Rig
 
@@ -159,8 +161,9 @@ def ranking(decision: Decision) -> tuple[RankedEffect, ...]:
 
 def calibrated(state: State, spread: Mapping[str, Spread]) -> dict[str, Interval]:
     """The fitted K [rad/s/V] and tau [s] of each axis that has a servo channel, with 95 %
-    intervals, by the labels "gain_x_rad_s_V", "time_constant_x_s" and likewise for y. `spread`: as
-    in `parameters`."""
+    intervals, by the labels "gain_x_rad_s_V", "time_constant_x_s" and likewise for y; of a servo
+    that takes an angle "motor_lag_x_s" [s], where it is not what the rig file says for certain.
+    `spread`: as in `parameters`."""
     found = {}
     for key in CALIBRATED:
         for axis in "xy":
@@ -170,6 +173,24 @@ def calibrated(state: State, spread: Mapping[str, Spread]) -> dict[str, Interval
                     "constant_", f"constant_{axis}_"
                 )
                 found[label] = interval(state.fit.setting[name], spread.get(name, UNKNOWN))
+    for axis in "xy":
+        motor = state.nominal.parameters.get(f".{MOTOR_KEY}.{axis}")
+        if motor is not None and motor.name in state.fit.setting:
+            value = interval(state.fit.setting[motor.name], spread.get(motor.name, UNKNOWN))
+            if not value.low <= motor.nominal <= value.high:
+                found[f"motor_lag_{axis}_s"] = value
+    return found
+
+
+def _answering(state: State, servo: Mapping[str, Interval]) -> dict[str, dict[str, float]]:
+    """By axis the lags and the dead time of a servo that takes an angle and whose motor's lag is
+    among the calibrated numbers `servo`, with what its file has by axis."""
+    record, own = model_of(state).record, state.nominal.rig.servo
+    found = {"x": dict(own.x), "y": dict(own.y)}
+    for a, axis in enumerate("xy"):
+        if f"motor_lag_{axis}_s" in servo:
+            answer = (MOTOR_KEY, "lag_s", "dead_time_s")
+            found[axis] |= {key: float(record[key][a]) for key in answer}
     return found
 
 
@@ -209,8 +230,8 @@ def untestable(state: State, screened: list[Screened] | None) -> tuple[Untestabl
 
 def extended(decision: Decision, found: tuple[Named, ...], servo: Mapping[str, Interval]) -> Rig:
     """The nominal rig with the named effects `found`, K and tau as fitted (`servo`, mean of both
-    axes), the unnamed term, the ball's height, and without the friction of the load where the logs
-    refute it."""
+    axes), or how a servo answers an angle, the unnamed term, the ball's height, and without the
+    friction of the load where the logs refute it."""
     nominal: NominalModel = decision.state.nominal
     rig = nominal.rig
     effects = {n: {a: dict(p) for a, p in by.items()} for n, by in rig.effects.items()}
@@ -232,9 +253,8 @@ def extended(decision: Decision, found: tuple[Named, ...], servo: Mapping[str, I
             drive, arm_friction_nm=_light_friction(decision.state), joint_friction_nm=0.0
         )
     camera = replace(rig.camera, ball_height_m=ball_height_m(decision.state))
-    return replace(
-        rig, effects=effects, servo=replace(rig.servo, **fitted), drive=drive, camera=camera
-    )
+    servos = replace(rig.servo, **fitted, **_answering(decision.state, servo))
+    return replace(rig, effects=effects, servo=servos, drive=drive, camera=camera)
 
 
 def ball_height_m(state: State) -> float:

@@ -1,5 +1,6 @@
 """The findings in plain words: the sentence that sums them up, and notes."""
 
+import re
 from collections.abc import Mapping, Sequence
 from math import hypot
 
@@ -66,12 +67,20 @@ def far_off(value: Interval, nominal: float, limit: float) -> bool:
 
 
 def _servo_notes(state: State, servo: Mapping[str, Interval]) -> tuple[str, ...]:
-    """Notes on K and tau: outside CALIBRATED "recalibrate the servo"; or not known."""
+    """Notes on K, tau and a motor's lag: outside CALIBRATED, or beyond what a servo's lag may
+    differ, "recalibrate the servo"; or not known."""
     rig, found = state.nominal.rig.servo, []
     for label, value in servo.items():
-        key = "gain_rad_s_V" if label.startswith("gain") else "time_constant_s"
-        nominal = getattr(rig, key)
-        limit = CALIBRATED[key]
+        key, axis = re.sub("_[xy]_", "_", label), "x" if "_x_" in label else "y"
+        if label.startswith("motor"):
+            nominal, limit = getattr(rig.on(axis), key), state.nominal.tolerance("servo_lag", axis)
+            if abs(value.value - nominal) > limit:
+                found.append(
+                    f"{RECALIBRATE}: {label} is {value.value:.3g}, the rig file says {nominal:.3g} "
+                    f"(tolerance {1e3 * limit:.0f} ms)"
+                )
+            continue
+        nominal, limit = getattr(rig, key), CALIBRATED[key]
         if vague(value):
             found.append(
                 f"these logs do not tell {label}: {value.value:.3g} [{value.low:.3g}, "
@@ -166,8 +175,8 @@ def sentence(
     if decision.verdict == "nothing-missing":
         if any(n.startswith(RECALIBRATE) for n in _servo_notes(decision.state, servo or {})):
             return (
-                "Nothing is missing once the servo is recalibrated: with its own gain and time "
-                "constant the model explains the log; the notes say how far off the file's are."
+                "Nothing is missing once the servo is recalibrated: with its own numbers the model "
+                "explains the log; the notes say how far off the file's are."
             )
         return "Nothing is missing: the model explains the log within the declared tolerances."
     if decision.verdict == "unknown-effect" and decision.unnamed:

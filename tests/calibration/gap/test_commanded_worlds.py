@@ -176,3 +176,28 @@ def test_one_axis_that_is_told_angles_is_judged_alone(tmp_path, without: tuple[s
     assert found.verdict == "named"
     assert [set(one.parameters) for one in lags] == [{"x"}]
     assert lags[0].parameters["x"]["lag_s"].value == pytest.approx(0.04, abs=0.008)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["healthy_slow_motors", "healthy_pd_servos"])
+def test_a_motor_that_takes_up_speed_is_no_effect_and_is_written_to_the_rig_file(name, tmp_path):
+    found = said_of(name, 3921, tmp_path)
+    assert found.verdict == "nothing-missing"
+    assert "recalibrated" in found.sentence
+    motor_s = 0.015 if name == "healthy_slow_motors" else 0.01
+    for axis in "xy":
+        size = found.calibrated[f"motor_lag_{axis}_s"]
+        assert size.low < motor_s < size.high or size.value == pytest.approx(motor_s, abs=0.002)
+        servo = found.rig_after.servo.on(axis)
+        assert servo.motor_lag_s == size.value
+        # A fit of lag and dead time had told the motor's lag as dead time.
+        assert servo.lag_s + servo.dead_time_s == pytest.approx(0.05)
+        assert (servo.dead_time_s < 0.005) == (name == "healthy_slow_motors")
+
+
+@pytest.mark.slow
+def test_a_longer_lag_is_named_beside_a_motor_that_takes_up_speed(tmp_path):
+    found = said_of("late_pd_servo", 3921, tmp_path)
+    assert [(one.name, tuple(one.parameters)) for one in found.effects] == [("servo_lag", ("x",))]
+    size = found.effects[0].parameters["x"]["lag_s"]
+    assert size.value == pytest.approx(0.02, abs=0.003)

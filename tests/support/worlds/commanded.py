@@ -170,8 +170,29 @@ def healthy_bus_servos(seed: int) -> World:
 
 
 def healthy_slow_motors(seed: int) -> World:
-    """Bus servos whose file is a fit: 15 ms of dead time stand for the 15 ms of their motors."""
-    return _world({}, "bus", seed, servo={"motor_s": 0.015, "dead_time_s": -0.015})
+    """Bus servos whose motors take up speed in 15 ms, and whose file is a fit of a lag and a dead
+    time to their step: to 1/(T M s^2 + T s + 1) with T of 50 and M of 15 ms that is 38 and 14 ms.
+    """
+    servo = {"motor_s": 0.015, "lag_s": 0.015, "dead_time_s": -0.015}
+    return _world({}, "bus", seed, servo=servo)
+
+
+def healthy_pd_servos(seed: int) -> World:
+    """Bus servos whose file tells their lag, damping over stiffness, and not their inertia."""
+    return _world({}, "bus", seed, servo={"motor_s": 0.01})
+
+
+def late_pd_servo(seed: int) -> World:
+    """The same whose lag in x is 20 ms longer than their file's."""
+    servo = {"motor_s": 0.01, "lag_s": (0.02, 0.0)}
+    return _world({"servo_lag": {"x": {"lag_s": 0.02}}}, "bus", seed, servo=servo)
+
+
+def far_pd_servo(seed: int) -> World:
+    """The same that turn 7 % further than told in x, in y 5 % less far."""
+    size = {"x": {"fraction": 0.07}, "y": {"fraction": -0.05}}
+    servo = {"motor_s": 0.01, "scale": (0.07, -0.05)}
+    return _world({"angle_scale": size}, "bus", seed, servo=servo)
 
 
 def late_servo(seed: int) -> World:
@@ -335,6 +356,9 @@ WORLDS = (
     healthy_three_arms,
     healthy_bus_servos,
     healthy_slow_motors,
+    healthy_pd_servos,
+    late_pd_servo,
+    far_pd_servo,
     late_servo,
     dead_servo,
     weak_servo,

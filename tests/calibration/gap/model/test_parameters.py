@@ -102,6 +102,16 @@ def test_gain_and_time_constant_belong_to_their_axis():
     assert_same(model.record, pack(without_load(RIG)))
 
 
+@pytest.mark.parametrize(("told_s", "moved_s"), [(0.02, 0.009), (0.005, 0.005)])
+def test_of_a_motors_lag_what_the_file_tells_as_dead_time_is_lag(told_s: float, moved_s: float):
+    servo = Servo(kind="position", angle_measured=True, lag_s=0.04, dead_time_s=told_s)
+    nominal = NominalModel(replace(RIG, servo=servo), load_friction=False)
+    model = nominal.model({".motor_lag_s.y": 0.012, ".as_dead_time_1.y": 0.75})
+    slower = {"motor_lag_s": 0.012, "lag_s": 0.04 + moved_s, "dead_time_s": told_s - moved_s}
+    rig = replace(RIG, servo=replace(servo, y=slower))
+    assert_same(model.record, NominalModel(rig, load_friction=False).model({}).record)
+
+
 def test_under_load_the_friction_stays_and_the_joint_feels_its_wound_up_shaft():
     nominal = NominalModel(TABLE, load_friction=True)
     model = nominal.model({"joint_backlash.play_rad.x": 0.04}).record
