@@ -45,6 +45,7 @@ MAX_STRIBECK_SPEED_SHARE = 0.4  # of the fastest motion: beyond, friction hardly
 # Dry friction that settles with the motor's own time constant is a dead zone, in every term of the
 # equations; with less of it, it is friction. Chosen: nearer to it than fits of either come.
 MAX_SETTLING_SHARE = 0.75
+MIN_SHARE_BELOW_LIMIT = 0.05  # of the volts that turn a motor, to tell a limit from a gain; chosen
 MAX_SATURATION_RATIO = 1.03  # limit over the largest volts: beyond, hardly any were cut; chosen
 
 # --- the threshold that chance sets on this log (bootstrap) ---------------------------------------

@@ -4,12 +4,13 @@ The rules, and D and se of which they speak, are those of `calibration.gap.veto`
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 from math import degrees
 
 from calibration.gap.decision_rule import OUTLIER_RATIO, RIVAL_MARGIN, SURE_Z, is_certain
 from calibration.gap.held_out import Prediction, gained, held_out
 from calibration.gap.model.parameters import BALL
-from calibration.gap.model.state import Key, drop_effects, outputs_of
+from calibration.gap.model.state import Key, State, drop_effects, outputs_of
 from calibration.gap.name.decide import Decision
 from calibration.gap.name.stepwise import Accepted
 from rig.effects import Effect
@@ -119,6 +120,24 @@ def rival_stands(names: list[Accepted], output: str, before: dict[str, Predictio
     if len(names) != 1 or not close:
         return False
     return not harm(output, before[output], held_out(close[0].state, [output])[output])
+
+
+def rival_as_good(alone: State, one: Accepted, left: str) -> str:
+    """Why a name on the output `left`, where something has no name, may be one of two, in words; ""
+    if it predicts better one sample ahead than each rival in its place for certain. `alone`: the
+    state without the unnamed term.
+
+    A rival with more numbers pays for them, and may be the one that would leave nothing.
+    """
+    if left not in outputs_of_name(one, alone.nominal.catalogue):
+        return ""
+    own = held_out(alone, [left])
+    for rival in (rival for rival in one.rivals if rival.nameable):
+        evidence = rival.state.evidence.with_levels(alone.evidence.levels)
+        other = held_out(replace(rival.state, evidence=evidence), [left])
+        if left in own and not is_certain(other[left].costs - own[left].costs):
+            return f"beside what has no name, {rival.name} in its place predicts as well"
+    return ""
 
 
 def rival_is_better(one: Accepted, after: dict[str, Prediction]) -> str:

@@ -7,7 +7,8 @@ what a name gains 1 s ahead (`calibration.gap.held_out`), C the cost one sample 
    small effect may not show there). "A or B" is refuted by what refutes both.
 2. Each name beside the others: as rule 1. Where it does harm on one servo and is proven on the
    other by rule 7, it is not told on the one. Where something without a name is left, a name may
-   stand for a part of it: it needs D > SURE_Z se on one of its outputs.
+   stand for a part of it: it needs D > SURE_Z se on one of its outputs, and is certain only where
+   it predicts that output better one sample ahead than each rival in its place, as in rule 7.
 3. The 95 % interval of its size excludes the nominal value, and the size is not at the end of its
    range on any axis, where it would have to be larger to be what its name says.
 4. Its best rival in its place does not predict better 1 s ahead: D < SURE_Z se of the rival's gain.
@@ -62,6 +63,7 @@ from calibration.gap.harm import (
     in_words,
     keys_of_name,
     outputs_of_name,
+    rival_as_good,
     rival_is_better,
     rival_stands,
     unproven,
@@ -199,11 +201,13 @@ def _better(one: dict[str, Prediction], other: dict[str, Prediction]) -> dict[st
 
 
 def _leans(decision: Decision, alone: State, one: Accepted, kept: Collection[Accepted]) -> str:
-    """Why a name may be another thing's mean, rest or trend, in words; "" if it is none. alone: the
+    """Why a name may be another's mean, rest, trend or part, in words; "" if it is none. alone: the
     state without the unnamed term; kept: all names that stand."""
     outputs = outputs_of_name(one, alone.nominal.catalogue)
+    left = decision.unnamed.output if decision.unnamed else ""
     return (
         mean_of_a_map(one, outputs, decision.unnamed)
+        or rival_as_good(alone, one, left)
         or misfit_of_a_fall(alone, one, kept)
         or trend_of_one_run(decision.state, one)
     )

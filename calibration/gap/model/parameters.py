@@ -185,12 +185,15 @@ class NominalModel:
         self._own = {one.effect.name: slot for slot, one in enumerate(rig.own)}
         known = self.catalogue.values()
         self._tolerances = {e.name: e.tolerance for e in known} | dict(tolerances or {})
-        # The motor's own friction is known no better than the assumed friction of its load.
-        held = rig.drive.joint_friction_nm + rig.drive.arm_friction_nm
-        self.assumed_friction_V = held / rig.servo.torque_per_volt_nm if load_friction else 0.0
+        # The motor's own friction is known no better than the assumed friction of its load, and it
+        # may be all of that where the logs refute that it loads the motor.
+        held_nm = rig.drive.joint_friction_nm + rig.drive.arm_friction_nm
+        held_V = held_nm / rig.servo.torque_per_volt_nm
+        self.assumed_friction_V = held_V if load_friction else 0.0
         self.friction_slack_V = ASSUMED_FRICTION_ERROR * self.assumed_friction_V
-        if load_friction and "coulomb_friction" not in (tolerances or {}):
-            self._tolerances["coulomb_friction"] += self.friction_slack_V
+        if "coulomb_friction" not in (tolerances or {}):
+            more_V = self.friction_slack_V if load_friction else held_V
+            self._tolerances["coulomb_friction"] += more_V
         self._start = {name: tuple(pair) for name, pair in values(rig.effects, known).items()}
         self.parameters = {parameter.name: parameter for parameter in self._all()}
 

@@ -179,6 +179,15 @@ def largest_volts(evidence: Evidence, axis: str) -> float:
     return float(np.quantile(np.abs(np.concatenate(volts)), 0.995)) if volts else 0.0
 
 
+def share_of_lower_volts(evidence: Evidence, axis: str, limit_V: float) -> float:
+    """Share of the volts of an axis that lie below a limit [V], without those below a tenth of it,
+    which hardly turn the motor; 1 without any."""
+    a = SERVO.index(f"servo_{axis}")
+    volts = [np.abs(run.volts_V[:, a]) for run in evidence.runs if run.has_servo(a)]
+    used = [each[each > 0.1 * limit_V] for each in volts]
+    return float(np.mean(np.concatenate(used) < limit_V)) if any(map(len, used)) else 1.0
+
+
 def reach(evidence: Evidence, axis: str) -> float:
     """Largest range of angles [rad] that the servo of an axis passes within one run; 0 without
     runs."""

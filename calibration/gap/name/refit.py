@@ -17,6 +17,7 @@ from calibration.gap.decision_rule import (
     MIN_LATE_REFIT_GAIN,
     MIN_PHASE_RAD,
     MIN_REFIT_GAIN,
+    MIN_SHARE_BELOW_LIMIT,
     MIN_SHARE_OF_BEST,
     MIN_SHARE_OF_BEST_ON_AXIS,
     penalised_gain,
@@ -30,6 +31,7 @@ from calibration.gap.name.candidates import (
     largest_volts,
     reach,
     resets_servo,
+    share_of_lower_volts,
 )
 from calibration.gap.name.screen import Screened, at_start_noise
 
@@ -78,12 +80,15 @@ class CandidateFit:
 
     def is_identified(self, axis: str) -> bool:
         """Whether the fitted size on this axis exceeds the decision rule's minimum and the logs
-        show its shape: saturation is reached, the motion spans enough of a period, Stribeck
-        friction falls with speed, Coulomb friction stops the motor sooner than it stops alone."""
+        show its shape: saturation is reached, and lower volts tell the gain; the motion spans
+        enough of a period; Stribeck friction falls with speed; Coulomb friction stops the motor
+        sooner than it stops alone."""
         nominal, setting = self.state.nominal, self.state.fit.setting
         if self.name == "saturation":
-            reached = largest_volts(self.state.evidence, axis)
-            return setting[f"saturation.limit_V.{axis}"] < MAX_SATURATION_RATIO * reached
+            evidence, limit_V = self.state.evidence, setting[f"saturation.limit_V.{axis}"]
+            if share_of_lower_volts(evidence, axis, limit_V) < MIN_SHARE_BELOW_LIMIT:
+                return False
+            return limit_V < MAX_SATURATION_RATIO * largest_volts(evidence, axis)
         if self.name in PERIODIC:
             periods = setting[f"{self.name}.periods_per_turn.{axis}"]
             if periods * reach(self.state.evidence, axis) < MIN_PHASE_RAD[self.name]:
