@@ -366,9 +366,11 @@ def _ball_weights(run: Signals, seen: tuple[bool, ...]) -> np.ndarray:
 
 
 def _untold(run: Signals, t_s: np.ndarray) -> np.ndarray:
-    """True (n,) for the times `t_s` (n,) [s] up to UNTOLD_S after a hole in the rows: what servos
-    that take an angle were told in it, they still do, and the ball shows it."""
-    if run.resumed is None or not (run.commanded or run.told_rad is not None):
+    """True (n,) for the times `t_s` (n,) [s] up to UNTOLD_S after the first row and after a hole in
+    the rows: what servos that take an angle were told before, they still do, and the ball shows it.
+    """
+    if not (run.commanded or run.told_rad is not None):
         return np.zeros(len(t_s), bool)
-    begun = np.concatenate([[-np.inf], run.t_s[run.resumed]])
+    behind = [] if run.resumed is None else run.t_s[run.resumed]
+    begun = np.concatenate([[-np.inf], run.t_s[:1], behind])
     return t_s - begun[np.searchsorted(begun, t_s, side="right") - 1] < UNTOLD_S

@@ -65,6 +65,9 @@ def test_behind_a_hole_nothing_counts_that_shows_what_the_servos_were_told_in_it
     assert holed.outputs
     for output in holed.outputs:
         t_s, mask = holed.times(output)[0], holed.masks[output] > 0
+        assert not mask[
+            t_s < kept["t_s"][0] + UNTOLD_S
+        ].any()  # what came before is not told either
         behind = (t_s >= end_s) & (t_s < end_s + UNTOLD_S)
         assert behind.any()
         assert not mask[behind].any()
