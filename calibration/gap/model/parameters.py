@@ -34,7 +34,7 @@ from rig.discrepancy import Discrepancy
 from rig.discrepancy import pack as pack_unknown
 from rig.effects import Effect, values
 from rig.linkage import THREE_ARMS
-from rig.parameters import Rig
+from rig.parameters import Drive, Rig
 from rig.plant.plant_record import pack
 
 SERVO, BALL = ("servo_x", "servo_y"), "ball"
@@ -149,6 +149,11 @@ def _keys(effect: Effect) -> list[str]:
     return [p.key for p in effect.parameters] + INNER_SHAPE.get(effect.name, [])
 
 
+def _held_nm(drive: Drive) -> float:
+    """Dry friction of arm and joint [N m]."""
+    return drive.joint_friction_nm + drive.arm_friction_nm
+
+
 class NominalModel:
     """The model as the rig file has it, and all its parameters by name ("effect.key.axis").
 
@@ -185,14 +190,14 @@ class NominalModel:
         self._own = {one.effect.name: slot for slot, one in enumerate(rig.own)}
         known = self.catalogue.values()
         self._tolerances = {e.name: e.tolerance for e in known} | dict(tolerances or {})
-        # The motor's own friction is known no better than the assumed friction of its load, and it
-        # may be all of that where the logs refute that it loads the motor.
-        held_nm = rig.drive.joint_friction_nm + rig.drive.arm_friction_nm
-        held_V = held_nm / rig.servo.torque_per_volt_nm
+        # The motor's own friction is known no better than that of its load. Where the logs refute
+        # that one, what a rig file tells of it may be the motor's; what nobody told may not.
+        held_V = _held_nm(rig.drive) / rig.servo.torque_per_volt_nm
+        told_V = 0.0 if _held_nm(rig.drive) == _held_nm(Drive()) else held_V
         self.assumed_friction_V = held_V if load_friction else 0.0
         self.friction_slack_V = ASSUMED_FRICTION_ERROR * self.assumed_friction_V
         if "coulomb_friction" not in (tolerances or {}):
-            more_V = self.friction_slack_V if load_friction else held_V
+            more_V = self.friction_slack_V if load_friction else told_V
             self._tolerances["coulomb_friction"] += more_V
         self._start = {name: tuple(pair) for name, pair in values(rig.effects, known).items()}
         self.parameters = {parameter.name: parameter for parameter in self._all()}

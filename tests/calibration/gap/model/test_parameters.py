@@ -178,6 +178,17 @@ def test_tolerances_are_the_catalogues_or_those_given():
     assert not wide.exceeds_minimum("voltage_offset", "x", setting)
 
 
+def test_friction_that_a_file_tells_of_the_load_may_be_the_motors_where_it_is_refuted():
+    told = replace(RIG, drive=replace(RIG.drive, joint_friction_nm=0.004, arm_friction_nm=0.006))
+    usual = BY_NAME["coulomb_friction"].tolerance
+    for rig, more_nm in ((RIG, 0.0), (told, 0.01)):
+        friction = NominalModel(rig, load_friction=False).parameters[
+            "coulomb_friction.friction_V.x"
+        ]
+        more_V = more_nm / rig.servo.torque_per_volt_nm
+        assert friction.tolerance == pytest.approx(usual + more_V)
+
+
 def test_of_twins_the_one_that_is_tried_may_have_what_all_of_them_may():
     """A servo beside its zero by its tolerance, and the plate off level by its own, is healthy."""
     tolerance = {name: effect.tolerance for name, effect in BY_NAME.items()}
