@@ -70,12 +70,12 @@ def reproduce(
     """Reproduce the paper's study on the virtual rig. Makes its figures, a
     report and results.json."""
     from experiments.cli.console import bars
+    from experiments.cli.out_folder import out_folder
     from experiments.paper.claims import VERDICT_WORDS
     from experiments.paper.reproduce import reproduce as work
-    from experiments.records.run_folder import results_folder
     from experiments.runs.assemble import load_rig
 
-    table, folder = load_rig(rig), results_folder(out)
+    table, folder = load_rig(rig), out_folder(out)
     with bars() as progress:
         results = work(table, folder, seed=seed, frames=frames, progress=progress)
     for claim in results["claims"]:
@@ -170,11 +170,11 @@ def report(
 ) -> None:
     """Figures and numbers of recorded runs as one HTML page. Simulated runs or measured ones."""
     from experiments.cli.console import bars
-    from experiments.records.run_folder import results_folder
+    from experiments.cli.out_folder import out_folder
     from experiments.reports.report_runs import report_runs
 
     with bars() as progress:
-        page = report_runs(runs, results_folder(out), progress=progress)
+        page = report_runs(runs, out_folder(out), progress=progress)
     say(str(page))
 
 
@@ -195,7 +195,7 @@ def track(
 ) -> None:
     """Track a ball in real footage. Makes track.csv, a film with overlay, a contact sheet."""
     from experiments.cli.console import bars, tell_of_compiling
-    from experiments.records.run_folder import results_folder
+    from experiments.cli.out_folder import out_folder
     from experiments.track.track import place_of, track_video
     from experiments.track.words import summary_words
     from rig.loop.signals import leave_if_told
@@ -218,7 +218,7 @@ def track(
             if total:
                 progress("frames", done, max(done, total))
 
-        summary = track_video(video, results_folder(out), **how, progress=told)
+        summary = track_video(video, out_folder(out), **how, progress=told)
     for line in summary_words(summary, out):
         say(line)
 

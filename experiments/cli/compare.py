@@ -27,10 +27,10 @@ def compare(
     Interrupted, it goes on where it stopped when called again with the same --out.
     """
     from experiments.cli.console import bars
+    from experiments.cli.out_folder import out_folder
     from experiments.compare.compare import run_comparison
-    from experiments.records.run_folder import results_folder
 
-    folder = results_folder(out)
+    folder = out_folder(out)
     with bars() as progress:
         results = run_comparison(
             rig,

@@ -152,13 +152,14 @@ def _investigate_and_report(
     """truth: what the demo hid, for the page. ValueError, OSError: bad input or an unwritable
     folder, before any work."""
     from experiments.cli.console import bars
+    from experiments.cli.out_folder import out_folder
     from experiments.gap.gap import investigate
     from experiments.gap.report import origin_words, write_findings
     from experiments.gap.summary import summary_lines
-    from experiments.records.run_folder import writable, write_json
+    from experiments.records.run_folder import write_json
 
     _check_request(json_file, until, out, logs, rig_file)
-    folder = writable(out)
+    folder = out_folder(out)
     with bars() as progress:
         found = investigate(
             logs, rig_file, from_s=from_s, until=until, threads=2, progress=progress
@@ -185,13 +186,14 @@ def _investigate_and_report(
 def _tolerances(logs: Sequence[Path], *, rig_file: Path | None, out: Path, from_s: float) -> None:
     """Learn tolerances and floors of a table from clean runs; write them into OUT/rig.toml."""
     from calibration.gap.tolerances import learn
+    from experiments.cli.out_folder import out_folder
     from experiments.gap.input import read_evidence
-    from experiments.records.run_folder import refuse_input, writable
+    from experiments.records.run_folder import refuse_input
     from rig.rigfile import refuse_own, write_rig
 
     refuse_own(out / "rig.toml")
     refuse_input("--out", out / "rig.toml", [rig_file] if rig_file else [], "rig file")
-    inputs, folder = read_evidence(list(logs), rig_file, from_s), writable(out)
+    inputs, folder = read_evidence(list(logs), rig_file, from_s), out_folder(out)
     learned = learn(inputs.logs, inputs.rig)
     write_rig(learned, folder / "rig.toml")
     for name, value in (*learned.tolerances.items(), *learned.floors.items()):
@@ -213,11 +215,11 @@ def _no_demo(logs: Sequence[Path], rig_file: Path | None) -> str:
 
 def _demo(*, out: Path, json_file: Path | None, seed: int | None, until: str) -> None:
     _check_request(json_file, until, out)
+    from experiments.cli.out_folder import out_folder
     from experiments.gap.beside import truth_lines
     from experiments.gap.demo import demo_runs, hidden_words
-    from experiments.records.run_folder import writable
 
-    runs = demo_runs(writable(out), seed=1 if seed is None else seed)
+    runs = demo_runs(out_folder(out), seed=1 if seed is None else seed)
     say("A play is hidden in the joints of a simulated table; the analysis does not know of it.")
     found = _investigate_and_report(
         runs, rig_file=None, out=out, json_file=json_file, until=until, truth=hidden_words()
@@ -231,14 +233,14 @@ def _guess(*, out: Path, json_file: Path | None, seed: int | None, until: str) -
     _check_request(json_file, until, out)
     import secrets
 
+    from experiments.cli.out_folder import out_folder
     from experiments.gap import guess
     from experiments.gap.beside import found_values
     from experiments.gap.demo import demo_runs, hidden_words
-    from experiments.records.run_folder import writable
 
     drawn = secrets.randbelow(10**6) if seed is None else seed
     hidden = guess.draw_plays(drawn)
-    runs = demo_runs(writable(out), seed=drawn, plays_rad=hidden)
+    runs = demo_runs(out_folder(out), seed=drawn, plays_rad=hidden)
     say("Somewhere between encoder and plate the joints have play. How much?")
     for line in guess.clues(runs, seed=drawn):
         say(line)
@@ -273,12 +275,12 @@ def _blind(
     from experiments.blind.command import blind_trial
     from experiments.blind.results_table import rows, show
     from experiments.cli.console import bars
-    from experiments.records.run_folder import results_folder
+    from experiments.cli.out_folder import out_folder
 
     with bars() as progress:
         results = blind_trial(
             trials=trials,
-            out=results_folder(out),
+            out=out_folder(out),
             seed=seed,
             effects=effects,
             pairs=pairs,

@@ -25,7 +25,7 @@ def watch(
 ) -> None:
     """Say whether a table has changed from run to run. What, since when and how much."""
     from experiments.cli.console import bars
-    from experiments.records.run_folder import results_folder
+    from experiments.cli.out_folder import out_folder
     from experiments.watch.report import write_watch
     from experiments.watch.runs import runs_of
     from experiments.watch.watch import ACCEPTED, SKIPPED
@@ -33,7 +33,7 @@ def watch(
     from experiments.watch.words import run_words, sentence, statistic_words
 
     runs_of(folder)
-    made = results_folder(out)
+    made = out_folder(out)
     with bars() as progress:
         found = work(folder, rig, accepted=accept or (), progress=progress)
     options = [*(("--rig", rig) if rig else ()), "--out", out]

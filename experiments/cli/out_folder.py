@@ -1,0 +1,34 @@
+"""The folder of `--out`, which is one command's until its end."""
+
+import os
+from pathlib import Path
+
+_held: dict[tuple[int, int], int] = {}  # open folders of this process, by disk and number
+
+
+def out_folder(out: Path) -> Path:
+    """Make the folder of a command that writes several files, and keep it from other programs until
+    this one ends: a page, its figures and results.json are of one call.
+
+    ValueError: another program has it, or as `results_folder`, whose OSErrors it raises as well.
+    """
+    from experiments.records.recording import lock
+    from experiments.records.run_folder import results_folder
+
+    made = results_folder(out)
+    try:
+        handle = os.open(made, os.O_RDONLY)
+    except OSError:  # Windows opens no folders
+        return made
+    found = os.fstat(handle)
+    place = found.st_dev, found.st_ino
+    if place in _held or not lock(handle):
+        os.close(handle)
+        if place not in _held:
+            raise ValueError(
+                f"--out {out}: another program is writing its results there; wait for its end or "
+                "choose another folder"
+            )
+    else:
+        _held[place] = handle
+    return made
