@@ -21,6 +21,7 @@ import importlib.util
 import math
 import os
 import sys
+import threading
 import time
 import traceback
 from collections.abc import Callable
@@ -121,7 +122,11 @@ class UserFeed(Feed):
             raise UserCameraError(f"{self._address}: the class needs a method read()")
 
     def _call(self, what: str, method: Callable[..., Any], *args: Any) -> Any:
+        """What a method of the class returns. Threads that it starts, as a maker's library does, do
+        not keep the program from its end, unless they ask for it (`daemon=False`)."""
         here = os.getpid()
+        thread: Any = threading.current_thread()  # new threads take after it
+        daemonic, thread._daemonic = thread.daemon, True
         try:
             return method(*args)
         except KeyboardInterrupt:
@@ -129,6 +134,7 @@ class UserFeed(Feed):
         except BaseException as error:  # CancelledError, say, is no Exception
             raise _named(self._address, what, error, self._file) from error
         finally:
+            thread._daemonic = daemonic
             if os.getpid() != here:  # forked: a second rig would read the same camera, for ever
                 os._exit(1)
 

@@ -233,3 +233,17 @@ def test_a_camera_that_hangs_is_a_stall(tmp_path):
         next(source)
         with pytest.raises(StalledError, match="MyCamera: no new frame"):
             next(source)
+
+
+def test_a_thread_of_the_camera_keeps_no_program_from_its_end(tmp_path):
+    text = GOOD.replace(
+        "self.k, ", "threading.Thread(target=time.sleep, args=(600,)).start()\n        self.k, "
+    ).replace("import time", "import threading\nimport time")
+    program = (
+        "from vision.sources.sources import open_source\n"
+        f"with open_source({write(tmp_path, text)!r}) as source: print(len(list(source)))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=120, check=False
+    )
+    assert (done.returncode, int(done.stdout) > 0) == (0, True), done.stderr
