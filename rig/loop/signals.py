@@ -108,7 +108,7 @@ def leave_on_signals(say: Callable[[str], None]) -> Iterator[None]:
         with ended_unheard(lambda: _heard_s[0], _handlers, say), _swallowed_in_silence(again):
             yield
         leave_if_told()
-    except RuntimeError:
+    except Exception:  # code that wraps what it is left by: a pool, a lab's camera
         leave_if_told()
         raise
     finally:

@@ -42,6 +42,21 @@ def test_ctrl_c_that_something_swallowed_is_heard_where_work_reports_or_fails(re
     assert done == ([] if report is leave_if_told else ["more work"])
 
 
+def test_a_signal_that_comes_back_as_another_error_ends_the_program_as_that_signal():
+    """What runs code of others catches all that leaves it, and names it as theirs."""
+
+    def program() -> None:
+        with leave_on_signals(lambda words: None):
+            try:
+                signal.raise_signal(signal.SIGTERM)
+            except SystemExit as error:
+                raise ValueError(f"open: {error!r}") from error
+
+    with pytest.raises(SystemExit) as left:
+        program()
+    assert left.value.code == 128 + signal.SIGTERM
+
+
 def test_a_failure_stays_one_where_no_signal_came():
     leave_if_told()
     with pytest.raises(RuntimeError, match="its own"), leave_on_signals(print):
