@@ -107,8 +107,8 @@ class CameraEye:
             raise CameraStopped(self.trouble.array["text"][0].decode())
         self._arrived_s = now_s if self._arrived_s is None else self._arrived_s
         if now_s - self._arrived_s > self.stall_s:
-            silent_s = now_s - self._arrived_s
-            raise CameraStopped(f"no frame for {silent_s:.2f} s; has the camera lost its cable?")
+            silent = f"no frame for {now_s - self._arrived_s:.2f} s"
+            raise CameraStopped(f"{silent}; has the camera lost its cable, or its program ended?")
 
     # --- who sees ---
     def put(self, frame_s: float, seen: Observation | None) -> None:
