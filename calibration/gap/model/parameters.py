@@ -69,9 +69,8 @@ INNER_SHAPE = {
     "joint_backlash": [FALL_KEY],
     "camera_scale": [HEIGHT_KEY],
 }
-# Of a servo that takes an angle and reads it back: the lag with which its motor takes up speed, and
-# the share of it that the rig file tells as dead time. They change the shape of the answer and not
-# how late it is, so they are always fitted, and no effect.
+# Of a servo that takes an angle and reads it back: the lag of its motor, and the share of it that
+# the rig file tells as dead time. They change the answer's shape, not how late it is: no effects.
 MOTOR_KEY, SHARE_KEY = "motor_lag_s", "as_dead_time_1"
 ANSWER = {MOTOR_KEY: 0.1, SHARE_KEY: 1.0}  # highest; of a motor chosen, as of a heavy plate
 GUESSES = (0.2, 0.5, 1.0, 2.0, 5.0)  # of the nominal K and tau: starts of a fit far from them
