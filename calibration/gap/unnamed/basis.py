@@ -3,7 +3,8 @@
 Families, each linear in its k coefficients c. A model can hold (`rig.discrepancy`) a map (force
 over the plate, volts over the servo's angle, or the angle by which it is drawn off where it takes
 one), a dependence on speed, one rhythm and one segment of time; it cannot hold pushes at several
-times and the forces of a ball that slips or is heavy on a side (`calibration.gap.unnamed.forces`).
+times, the forces of a ball that slips or is heavy on a side, and a rhythm of its own on each axis
+(`calibration.gap.unnamed.forces`).
 A periodogram proposes the frequency, a matched filter the windows. With the other parameters free
 within their tolerance boxes, the score is
 
@@ -32,7 +33,14 @@ from calibration.gap.model.fit import (
 )
 from calibration.gap.model.parameters import BALL, SERVO
 from calibration.gap.model.state import State
-from calibration.gap.unnamed.forces import as_one, pushes, slipping_forces, turning_forces
+from calibration.gap.unnamed.forces import (
+    as_one,
+    pushes,
+    slipping_forces,
+    swaying_forces,
+    turning_forces,
+)
+from calibration.gap.unnamed.peaks import peaks
 from rig.discrepancy import Discrepancy, discrepancy_acceleration, pack, servo_discrepancy
 
 PUSH_S = 0.05  # of a push whose response is that of any force; chosen
@@ -45,11 +53,11 @@ UNIT_BALL, UNIT_VOLTS, UNIT_ANGLE = 0.02, 0.02, 0.002
 
 @dataclass(frozen=True, eq=False)
 class UnnamedTerm:
-    """An unnamed term: its output, its kind (map, speed, rhythm, segment, turning, slipping or
-    pushes), score, coefficients (`unknown`), and the state with it in its model, not yet predicted
-    with it (`plain` is without). The model cannot hold the last three: their `unknown` and state
-    are those without, and `felt_m_s2` is their RMS by axis. `windows_s`: of pushes, when, and
-    `runs`: in which run."""
+    """An unnamed term: its output, its kind (map, speed, rhythm, segment, turning, slipping,
+    swaying or pushes), score, coefficients (`unknown`), and the state with it in its model, not yet
+    predicted with it (`plain` is without). The model cannot hold the last four: their `unknown` and
+    state are those without, and `felt_m_s2` is their RMS by axis. `windows_s`: of pushes, when, and
+    `runs`: in which run; `rhythms_hz`: of what sways, by axis."""
 
     output: str
     kind: str
@@ -59,6 +67,7 @@ class UnnamedTerm:
     windows_s: tuple[tuple[float, float], ...] = ()
     runs: tuple[int, ...] = ()
     felt_m_s2: tuple[float, float] = (0.0, 0.0)
+    rhythms_hz: tuple[float, float] = (0.0, 0.0)
 
     @property
     def channel(self) -> str:
@@ -97,7 +106,7 @@ def _terms_of(state: State, output: str) -> Iterator[UnnamedTerm]:
     units = [(f"{side}_speed_{a}", i) for a in axes for i in range(4) if output == BALL or i != 1]
     yield _fitted(state, output, "speed", units, nuisance, {})
     units = [(f"{side}_rhythm_{a}", i) for a in axes for i in range(2)]
-    for hz in _peaks(state, output):
+    for hz in peaks(state, output):
         yield _fitted(
             state, output, "rhythm", units, nuisance, {f"{side}_rhythm_hz": hz}, SEARCH_PENALTY
         )
@@ -107,6 +116,7 @@ def _terms_of(state: State, output: str) -> Iterator[UnnamedTerm]:
         yield _along(state, nuisance, "turning", turning_forces(state), answer)
         for forces in slipping_forces(state):
             yield _along(state, nuisance, "slipping", forces[:, :, None], answer, low=0.0)
+        yield from _swaying(state, nuisance, answer)
         found = _pushed(state, answer)
         if len(found) > 1:
             yield _pushes(state, nuisance, answer, found)
@@ -244,32 +254,6 @@ def _felt(state: State, output: str, unknown: Discrepancy) -> np.ndarray:
     return np.array(values)
 
 
-def _peaks(state: State, output: str) -> list[float]:
-    """The two frequencies [Hz] with the largest periodogram over the mean of their neighbours."""
-    z = state.fit.z(output) * state.evidence.masks[output]
-    t, run = state.evidence.times(output)
-    chosen = run == np.bincount(run).argmax()
-    t, z = t[chosen], z[chosen]
-    columns = [z[0::2], z[1::2]] if output == BALL else [z]
-    t = t[0::2] if output == BALL else t
-    step = float(np.median(np.diff(t)))
-    even = np.arange(t[0], t[-1], max(step, 0.005))
-    swings = [np.fft.rfft(np.interp(even, t, c), 4 * len(even)) for c in columns]
-    power = np.sum(np.abs(swings) ** 2, axis=0)
-    hz = np.fft.rfftfreq(4 * len(even), max(step, 0.005))
-    band = (hz > 2.0 / (t[-1] - t[0])) & (hz < min(25.0, 0.45 / step))
-    hz, power = hz[band], power[band]
-    if not power.any():
-        return []
-    width = max(len(hz) // 12, 5)
-    floor = np.convolve(np.pad(power, width, mode="reflect"), np.ones(2 * width + 1), "valid")
-    ratio = np.divide(power, floor, out=np.zeros_like(power), where=floor > 0.0)
-    first = int(ratio.argmax())
-    far = np.abs(hz - hz[first]) > 0.3
-    second = [float(hz[far][ratio[far].argmax()])] if far.any() else []
-    return [float(hz[first]), *second]
-
-
 def _windows(state: State, output: str, side: str) -> list[tuple[float, float]]:
     """The two windows of time in which a constant force explains most (matched filter)."""
     t, run = state.evidence.times(output)
@@ -350,6 +334,17 @@ def _pushes(
     term = _along(state, nuisance, "pushes", forces, answer, searched=SEARCH_PENALTY * len(found))
     windows_s = tuple((float(t[i]), float(t[j - 1])) for i, j in found)
     return replace(term, windows_s=windows_s, runs=tuple(int(run[i]) for i, _ in found))
+
+
+def _swaying(state: State, nuisance: tuple, answer: np.ndarray) -> Iterator[UnnamedTerm]:
+    """A rhythm of its own on each axis, as of a floor; none where an axis has no frequency."""
+    hz = tuple(peaks(state, BALL, (a,))[:1] for a in range(2))
+    if all(hz):
+        (x_hz,), (y_hz,) = hz
+        forces = swaying_forces(state.evidence.times(BALL)[0][::2], (x_hz, y_hz))
+        searched = 2 * SEARCH_PENALTY
+        term = _along(state, nuisance, "swaying", forces, answer, searched=searched)
+        yield replace(term, rhythms_hz=(x_hz, y_hz))
 
 
 def _along(

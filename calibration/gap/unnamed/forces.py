@@ -12,6 +12,8 @@ factor, 5/7 of a solid ball. Friction gives mu g at most. With s the contact's s
 and the ball is pushed by f_r - f beyond what a rolling one is. (Routh, Dynamics of a System of
 Rigid Bodies, part 2, 1905, chapter 5.) The motion of the plate itself is left out.
 
+**Swaying.** A floor, or a machine beside the table, shakes each axis at a frequency of its own.
+
 **Pushes.** Hands or gusts give constant forces from one time to another. They are found one after
 the other (matching pursuit: Mallat and Zhang, IEEE Trans. Signal Proc. 41, 1993): of residuals
 z with weights w, a push whose answer is k and which begins at row i explains
@@ -60,6 +62,15 @@ def attitude(path_m: np.ndarray, radius_m: float) -> np.ndarray:
     dx, dy = np.diff(path_m, axis=0, prepend=path_m[:1]).T
     steps = Rotation.from_rotvec(np.column_stack([-dy, dx, np.zeros(len(dx))]) / radius_m)
     return np.array(list(accumulate(steps.as_matrix(), lambda done, step: step @ done)))
+
+
+def swaying_forces(t_s: np.ndarray, hz: tuple[float, float]) -> np.ndarray:
+    """sin and cos of 2 pi f t (n, 2, 4) at times t_s (n,), f of x and of y [Hz]."""
+    found = np.zeros((len(t_s), 2, 4))
+    for a, own_hz in enumerate(hz):
+        found[:, a, 2 * a] = np.sin(2.0 * np.pi * own_hz * t_s)
+        found[:, a, 2 * a + 1] = np.cos(2.0 * np.pi * own_hz * t_s)
+    return found
 
 
 def slipping_forces(state: State) -> list[np.ndarray]:

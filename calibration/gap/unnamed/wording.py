@@ -36,6 +36,9 @@ def describe(term: UnnamedTerm) -> str:
             f"a rhythm of {getattr(u, f'{side}_rhythm_hz'):.2f} Hz, "
             f"{scale * _largest(u, side, 'rhythm'):.2g} {unit}"
         ),
+        "swaying": lambda: "rhythms of {:.2f} Hz along x and {:.2f} Hz along y".format(
+            *term.rhythms_hz
+        ),
         "turning": lambda: "a force that turns with the ball, as of one that is heavier on a side",
         "pushes": lambda: f"pushes {when(term.windows_s)}",
         "slipping": lambda: "a force as of a ball that slips where the plate is steep",
