@@ -139,6 +139,7 @@ def test_noise_is_no_push():
         ("slipping_ball", 2602, "slips"),
         ("mujoco_slipping_ball", 0, "slips"),
         ("fan", 2603, "pushes from"),
+        ("swaying_floor", 3920, "along x and"),
         ("heavy_sided_ball", 2640, "turns with the ball"),
     ],
 )

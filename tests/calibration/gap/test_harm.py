@@ -61,3 +61,24 @@ def test_every_effect_of_servos_can_be_judged_with_harm_on_one_of_them(without, 
 def test_what_shows_in_one_output_is_judged_as_a_whole(without):
     ball: Any = SimpleNamespace(name="joint_backlash", axes=("x", "y"))
     assert harm.harmed_axes(DECISION, ball, {BALL: errors(0.008)}) == {}
+
+
+@pytest.mark.parametrize(("costs", "doubted"), [(0.0, True), (-0.1, True), (0.5, False)])
+def test_beside_what_has_no_name_a_rival_has_to_be_worse_for_certain(monkeypatch, costs, doubted):
+    """`costs`: what the rival costs more, second by second, with a spread of 0.3."""
+    spread = np.random.default_rng(1).normal(0.0, 0.3, 60)
+    told = {"own": np.zeros(60), "other": costs + spread - spread.mean()}
+    evidence = SimpleNamespace(levels=None, with_levels=lambda levels: evidence)
+    nominal = SimpleNamespace(catalogue=BY_NAME)
+
+    def state(which: str) -> Any:
+        return harm.State(evidence, nominal, SimpleNamespace(which=which))  # pyright: ignore
+
+    monkeypatch.setattr(
+        harm, "held_out", lambda s, outputs: {BALL: Prediction(np.zeros(60), told[s.fit.which])}
+    )
+    rival = SimpleNamespace(name="transmission_ripple", nameable=True, state=state("other"))
+    one: Any = SimpleNamespace(name="camera_scale", axes=("xy",), rivals=(rival,))
+    found = harm.rival_as_good(state("own"), one, BALL)
+    assert ("transmission_ripple in its place predicts as well" in found) == doubted
+    assert harm.rival_as_good(state("own"), one, SERVO[0]) == ""

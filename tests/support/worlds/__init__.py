@@ -47,6 +47,7 @@ WORLDS = {
         strangers.pendulum,
         strangers.cable,
         strangers.fan,
+        strangers.swaying_floor,
         strangers.slipping_ball,
         default_mujoco.mujoco_friction,
         default_mujoco.mujoco_friction_of_one_axis,

@@ -58,6 +58,15 @@ def fan(seed: int) -> World:
     return unknown(table_log(rng, {}, {}, {}, push=push, size_m=0.07))
 
 
+def swaying_floor(seed: int) -> World:
+    """The floor leans by 4 mrad, at 0.2 to 0.45 Hz of its own about each axis, as on a boat."""
+    rng = np.random.default_rng(seed)
+    t_s = np.arange(ROWS)[:, None] / 500.0
+    hz, begin = rng.uniform(0.2, 0.45, 2), rng.uniform(0.0, 6.3, 2)
+    push = 5.0 / 7.0 * 9.81 * 0.004 * np.sin(2.0 * np.pi * hz * t_s + begin)
+    return unknown(table_log(rng, {}, {}, {}, push=push, size_m=0.07))
+
+
 def slipping_ball(seed: int) -> World:
     """An oily plate: friction coefficient 0.006, the ball slides where the plate is steep."""
     rng = np.random.default_rng(seed)

@@ -1,5 +1,7 @@
 """Which fitted effects are what their names say."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -76,3 +78,18 @@ def test_in_the_place_of_a_name_it_is_tried_on_all_of_its_axes():
     delay = [one for one in known if one.name == "servo_dead_time"]
     assert [one.axis for one in _axes(delay, known, ())] == ["y"]
     assert [one.axis for one in _axes(delay, known, ("x", "y"))] == ["y", "x"]
+
+
+@pytest.mark.parametrize(("below", "told"), [(0.0, False), (0.3, True)])
+def test_a_limit_is_told_from_a_gain_only_where_lower_volts_turn_the_motor(
+    below: float, told: bool, evidence: Evidence
+):
+    """K min(|V|, L) is (K L/V0) V0 where |V| is always V0, as with a relay."""
+    (run,) = evidence.runs
+    turns = np.where(np.arange(len(run.t_s)) % 100 < 50, 4.0, -4.0)
+    volts = np.column_stack([turns, turns])
+    volts[: int(below * len(volts))] *= 0.4
+    relay = replace(evidence, runs=[replace(run, volts_V=volts)])
+    limit = {"saturation.limit_V.x": 3.0}
+    state = State(relay, NOMINAL, ParameterFit(limit, {}, {}), (("saturation", "x"),))
+    assert CandidateFit("saturation", ("x",), state, 1e3).is_identified("x") == told
