@@ -92,6 +92,8 @@ def investigate(
 
     report("baseline", 0, 1)
     still, slow = begun(runs)
+    if wild := sum(run.outliers for run in runs):
+        notes += (f"left out: {wild} frames in which the ball cannot have been where it was told",)
     notes += tuple(f"{p.replace('_', ' ')} only creeps: its volts are not judged" for p in slow)
     lacking = findings_of_decision.enough_motion(still)
     if lacking:
@@ -140,8 +142,9 @@ def usable_runs(logs: Sequence[Log], rig: Rig) -> list[Signals]:
     walls of `rig`."""
     half = rig.linkage.side_m / 2
     reach = half - rig.ball.radius_m if rig.walls.present else inf
-    told, delay_s = rig.servo.takes_angle, rig.camera.delay_s
-    runs = [usable(x, camera_delay_s=delay_s, reach_m=reach, commanded=told) for x in logs]
+    camera = {"camera_delay_s": rig.camera.delay_s, "noise_m": rig.camera.noise_m}
+    told = rig.servo.takes_angle
+    runs = [usable(x, **camera, reach_m=reach, commanded=told) for x in logs]
     return [_guessed(run, rig) for run in runs]
 
 

@@ -49,7 +49,8 @@ class Signals:
     told_rad (n, 2), optional: angles told to servos that take them and whose angle nobody measures;
     the ball is then predicted from their answer, and theta_rad is no more than a guess of it;
     answered: the last of these answers; commanded: the servos read their angle back, and `volts_V`
-    holds the angles that they are told [rad] (`read_back`).
+    holds the angles that they are told [rad] (`read_back`); outliers: exposures that are left out
+    because the ball cannot have been where they tell it.
     """
 
     t_s: np.ndarray
@@ -64,6 +65,7 @@ class Signals:
     told_rad: np.ndarray | None = None
     answered: Answers = field(default_factory=Answers)
     commanded: bool = False
+    outliers: int = 0
 
     def angles(self, p: np.record) -> tuple[np.ndarray, np.ndarray]:
         """Times (m,) [s] and servo angles (m, 2) [rad] for the ball: measured, or the answer to the

@@ -15,6 +15,7 @@ from math import inf
 import numpy as np
 
 from calibration.gap.model.kept_fits import KeptFits
+from calibration.gap.model.outliers import outliers
 from calibration.gap.model.parameters import BALL, SERVO, Model
 from rig.compiled import compiled
 from rig.log import Log
@@ -73,16 +74,22 @@ class Roll:
 
 
 def usable(
-    log: Log, *, camera_delay_s: float, reach_m: float = inf, commanded: bool = False
+    log: Log,
+    *,
+    camera_delay_s: float,
+    noise_m: float = 0.0,
+    reach_m: float = inf,
+    commanded: bool = False,
 ) -> Signals:
     """A log's signals as the workflow uses them: at most MAX_RATE_HZ, missing axes 0, exposures of
-    a held or pushed ball, or of one at a wall, left out, of the others one each HORIZON_S.
+    a held or pushed ball, of one at a wall, and outliers left out, of the others one each
+    HORIZON_S.
 
     From frame to frame at 100 Hz a controller that answers the camera's noise is part of what is
     predicted best: a table that is 0.25 s late is told better by a model without the delay, and at
     0.05 s and more by the right one. `camera_delay_s`: from exposure to row, for logs without
-    exposure times; `reach_m`: of the ball's centre between walls; `commanded`: the servos may read
-    back the angle that they are told."""
+    exposure times; `noise_m`: the camera's, for `outliers`; `reach_m`: of the ball's centre between
+    walls; `commanded`: the servos may read back the angle that they are told."""
     known = signals(log, camera_delay_s=camera_delay_s)
     known = _thinned(read_back(log, known) if commanded else known)
     driven = known.has_servo(0), known.has_servo(1)
@@ -94,7 +101,11 @@ def usable(
     touched = _touched(log, known.exposed_s) | _at_wall(ball, reach_m)
     fresh = np.concatenate([[True], touched[:-1] & ~touched[1:]])[: len(touched)]
     kept &= ~touched
-    fresh, exposed_s, ball = fresh[kept], known.exposed_s[kept], ball[kept]
+    begun = np.cumsum(fresh)
+    wild = outliers(known.exposed_s[kept], ball[kept], noise_m)
+    kept[kept] = ~wild
+    fresh = np.diff(begun[kept], prepend=0) > 0
+    exposed_s, ball = known.exposed_s[kept], ball[kept]
     few = every(exposed_s, fresh, HORIZON_S[BALL])
     return replace(
         known,
@@ -104,6 +115,7 @@ def usable(
         fresh=fresh[few],
         exposed_s=exposed_s[few],
         ball_m=ball[few],
+        outliers=int(wild.sum()),
     )
 
 
