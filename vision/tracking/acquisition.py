@@ -16,12 +16,12 @@ import numpy as np
 
 from vision.detection.appearance import Appearance
 from vision.detection.detector import REACH, Detection
-from vision.detection.pixels import mean_probability
+from vision.detection.pixels import mean_probability, relief
 from vision.frames import Frame
 from vision.tracking.camera_motion import CameraMotion
 from vision.tracking.gate import TELLING_FILL, is_inside
 from vision.tracking.kinematics import START_SPEED_RADII_S
-from vision.tracking.sightings import Sighting, bounds_of, round_things, same_place, sight
+from vision.tracking.sightings import RELIEF, Sighting, bounds_of, round_things, same_place, sight
 from vision.tracking.stir import SPAN_S, Stir
 from vision.tracking.things import TRAVEL, UNLIKE_COLOUR, UNLIKE_SIZE, Thing, Things
 
@@ -124,13 +124,17 @@ class Acquisition:
 
     def doubts(self, frame: Frame, ball: Detection) -> bool:
         """Whether the `ball`, which has stayed where it was locked, is no ball: other things have
-        stirred for so long that a ball on their plate would have rolled."""
+        stirred for so long that a ball on their plate would have rolled. A hand or its shadow stirs
+        as well: what light shades as a solid is no mark, unless a round thing drifts."""
         if self._stirred_s != frame.t_s:
             return False
         place = ball.u_px, ball.v_px
         if not self._stir.elsewhere(place, ball.radius_px):
             self._calm_s = frame.t_s
         if frame.t_s - self._calm_s < STIRRED_S:
+            return False
+        solid, reach = relief(frame.image, *place, ball.radius_px) > RELIEF, _reach(frame.image)
+        if solid and not any(thing.drifts(reach) for thing in self.things.all):
             return False
         look = Appearance.sketch(frame.image, *place, ball.radius_px)
         self.things.ball_is_not(frame.t_s, Sighting(ball, look, 0.0))

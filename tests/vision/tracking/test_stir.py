@@ -49,13 +49,15 @@ def test_other_light_and_what_reaches_in_over_the_border_do_not_stir(change):
     assert not stir.elsewhere((260.0, 60.0), 12.0)
 
 
-def test_mark_is_left_once_something_rolls_that_no_circle_shows():
+@pytest.mark.parametrize("shade", [0.0, 0.3])
+def test_mark_is_left_once_something_rolls_that_no_circle_shows_but_no_solid_is(shade):
     tracker, states = Tracker(), []
     for k in range(60):
-        u = 100.0 + max(0, k - 20) * 3.0
-        states.append(tracker.step(Frame(table(u), k / FPS, k)).state)
+        image = table(100.0 + max(0, k - 20) * 3.0).astype(float)
+        disc(image, MARK[:2], MARK[2], np.array((90.0, 30.0, 60.0)), shade=shade)
+        states.append(tracker.step(Frame(image.astype(np.uint8), k / FPS, k)).state)
     assert "track" in states[:20]
-    assert "track" not in states[45:]
+    assert ("track" in states[45:]) == (shade > 0.0)
 
 
 def test_a_ball_rolls_alone_with_its_shadow_and_a_fingertip_does_not():
