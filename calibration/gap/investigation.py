@@ -15,6 +15,7 @@ from calibration.gap.agreement import sentences, sizes_by_log
 from calibration.gap.decision_rule import RIVAL_MARGIN
 from calibration.gap.findings import Findings, Gap, Leftover, Named, ProofRow, Step
 from calibration.gap.locate.locate import locate
+from calibration.gap.model.clock import even_ticks
 from calibration.gap.model.data import Evidence, gather, usable
 from calibration.gap.model.fit import evaluate
 from calibration.gap.model.intervals import deviations
@@ -145,6 +146,8 @@ def usable_runs(logs: Sequence[Log], rig: Rig) -> list[Signals]:
     camera = {"camera_delay_s": rig.camera.delay_s, "noise_m": rig.camera.noise_m}
     told = rig.servo.takes_angle
     runs = [usable(x, **camera, reach_m=reach, commanded=told) for x in logs]
+    if told and any(rig.servo.pair("period_s")):
+        runs = [replace(run, t_s=even_ticks(run.t_s)) for run in runs]
     return [_guessed(run, rig) for run in runs]
 
 
