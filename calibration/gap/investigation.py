@@ -146,8 +146,8 @@ def usable_runs(logs: Sequence[Log], rig: Rig) -> list[Signals]:
     camera = {"camera_delay_s": rig.camera.delay_s, "noise_m": rig.camera.noise_m}
     told = rig.servo.takes_angle
     runs = [usable(x, **camera, reach_m=reach, commanded=told) for x in logs]
-    if told and any(rig.servo.pair("period_s")):
-        runs = [replace(run, t_s=even_ticks(run.t_s)) for run in runs]
+    if told and (period_s := max(rig.servo.pair("period_s"))):
+        runs = [replace(run, t_s=even_ticks(run.t_s, period_s)) for run in runs]
     return [_guessed(run, rig) for run in runs]
 
 

@@ -1,22 +1,28 @@
-"""The ticks of a log whose stamps jitter about an even clock."""
+"""The ticks of a log whose stamps jitter about the clock of its servos."""
 
 import numpy as np
 
 MOST_JITTER = 0.25  # of a tick: beyond, ticks are not even, and are left as they are; chosen
+SAME_CLOCK = 0.002  # by which two clocks may differ that were meant to be one; chosen
 
 
-def even_ticks(t_s: np.ndarray) -> np.ndarray:
-    """The times (n,) [s] of an even clock, t_0 + k T by least squares, at the stamps t_s (n,); the
-    stamps themselves where one is further off than MOST_JITTER of a tick T.
+def even_ticks(t_s: np.ndarray, period_s: float) -> np.ndarray:
+    """The times (n,) [s] of ticks that were meant to come at every multiple of a servo's period, or
+    at n or 1/n of that, at the stamps t_s (n,).
 
-    k is the stamp's number, rows that are missing counted. A servo that reads its command at
-    multiples of a period takes a stamp 1 ms late, as programs on a PC write them, for a command of
-    a whole period later.
+    The stamps themselves where they are of no such clock, by SAME_CLOCK, or one is further off than
+    MOST_JITTER of a tick. A servo that reads its command at multiples of a period takes a stamp
+    that is 1 ms late, as programs on a PC write them, for a command of a whole period later.
     """
     if len(t_s) < 3:
         return t_s
     tick_s = float(np.median(np.diff(t_s)))
     number = np.concatenate([[0], np.cumsum(np.maximum(np.rint(np.diff(t_s) / tick_s), 1.0))])
-    slope_s, begin_s = np.polyfit(number, t_s, 1)
-    even = begin_s + slope_s * number
+    slope_s = float(np.polyfit(number, t_s, 1)[0])
+    ratio = slope_s / period_s
+    whole = np.rint(ratio) if ratio >= 1.0 else 1.0 / np.rint(1.0 / ratio)
+    if abs(ratio / whole - 1.0) > SAME_CLOCK:
+        return t_s
+    even = whole * period_s * number
+    even += np.rint(np.mean(t_s - even) / period_s) * period_s
     return even if np.abs(even - t_s).max() < MOST_JITTER * slope_s else t_s
