@@ -79,6 +79,21 @@ class Signals:
         return self._servos[a]
 
     @cached_property
+    def ball_at_ticks_m(self) -> np.ndarray:
+        """Places of the ball at the ticks (n, 2) [m], between two exposures on a line; 0 where none
+        is near."""
+        found = np.zeros((len(self.t_s), 2))
+        seen = np.isfinite(self.ball_m).all(axis=1)
+        t_s, ball_m = self.exposed_s[seen], self.ball_m[seen]
+        if len(t_s):
+            at = np.clip(np.searchsorted(t_s, self.t_s), 1, max(len(t_s) - 1, 1))
+            ends = t_s[at - 1], t_s[np.minimum(at, len(t_s) - 1)]
+            far_s = np.minimum(*(np.abs(self.t_s - end) for end in ends))
+            for a in (0, 1):
+                found[:, a] = np.interp(self.t_s, t_s, ball_m[:, a]) * (far_s < LONGEST_GAP_S)
+        return found
+
+    @cached_property
     def _servos(self) -> tuple[bool, bool]:
         n, pair = len(self.t_s), (self.volts_V, self.theta_rad)
         there = [
@@ -207,6 +222,7 @@ def servo_innovations(
             predict_told_axis(p, levels, a, *read, corrected, resumed, tau_s, out, std)
         else:
             motor = gain_rad_s_V[a], time_constant_s[a]
+            read = known.t_s, known.volts_V, known.theta_rad, known.ball_at_ticks_m
             predict_axis(p, levels, a, *read, corrected, resumed, *motor, out, std)
     return out, std
 

@@ -211,13 +211,15 @@ def _known_once(r, off):
 
 
 @compiled
-def predict_axis(p, levels, a, t, volts, theta, corrected, resumed, gain, tau, out, std):
+def predict_axis(p, levels, a, t, volts, theta, ball, corrected, resumed, gain, tau, out, std):
     """Fill column `a` of `out` and `std` (n, 2) [rad]: encoder innovations and their deviations.
 
-    p: record PLANT; levels: record NOISE; t (n,) [s], volts (n, 2) [V], theta (n, 2) [rad]; gain: K
-    [rad/s/V]; tau: time constant [s]; corrected (n,): rows whose angle corrects the filter; resumed
-    (n,): those after a hole, where all is moved to what the encoder says, at a speed known no
-    better than at first. The first row, these and those that correct nothing are left as they were.
+    p: record PLANT; levels: record NOISE; t (n,) [s], volts (n, 2) [V], theta (n, 2) [rad]; ball
+    (n, 2): its place on the plate [m], whose weight turns the plate and, but in the gap of the
+    gears, the motor; gain: K [rad/s/V]; tau: time constant [s]; corrected (n,): rows whose angle
+    corrects the filter; resumed (n,): those after a hole, where all is moved to what the encoder
+    says, at a speed known no better than at first. The first row, these and those that correct
+    nothing are left as they were.
     """
     r = levels.servo_measured[a] ** 2
     beta_1, beta_2 = p.gear_1[a], p.gear_2[a]
@@ -253,7 +255,8 @@ def predict_axis(p, levels, a, t, volts, theta, corrected, resumed, gain, tau, o
             else:
                 torque, anchor = plate_torque(winding, motor, anchor)
             free = free_gap or coasts
-            v -= torque / p.torque_per_volt[a]
+            load = 0.0 if free else p.weight[a] * ball[k, a]
+            v -= (torque - load) / p.torque_per_volt[a]
             left, mean = (free_decay, free_share) if free else (decay, share)
             motor, speed = servo_step(p, a, motor, speed, p11, v, gain, left, mean, free, h)
             if not coasts:
