@@ -162,6 +162,33 @@ def test_null_values_leave_the_predictor_unchanged_bit_for_bit(name: str):
     assert np.array_equal(bare.ball, told.ball, equal_nan=True)
 
 
+def test_the_weight_of_the_ball_on_the_motor_matters():
+    """A steel ball of 130 g, 1 to 3 cm off the middle, is worth some tenths of a volt."""
+    rig = table(None, 500.0)
+    heavy = replace(rig, ball=replace(rig.ball, mass_kg=0.13))
+    known = simulated(heavy)
+    with_it = sizes(predict(heavy, known, LEVELS), 500.0)["servo"]
+    without = sizes(predict(rig, known, LEVELS), 500.0)["servo"]
+    assert without > 3 * with_it
+
+
+def test_a_ball_that_nobody_sees_weighs_nothing():
+    known = log(None, 500.0)
+    seen = known.ball_at_ticks_m
+    near = known.t_s < known.exposed_s[-1]
+    np.testing.assert_allclose(
+        seen[near][::50],
+        [
+            [np.interp(t, known.exposed_s, known.ball_m[:, a]) for a in (0, 1)]
+            for t in known.t_s[near][::50]
+        ],
+    )
+    lost = replace(known, ball_m=np.where(known.exposed_s[:, None] < 1.0, known.ball_m, np.nan))
+    assert not lost.ball_at_ticks_m[known.t_s > 1.5].any()
+    blind = replace(known, exposed_s=known.exposed_s[:0], ball_m=known.ball_m[:0])
+    assert not blind.ball_at_ticks_m.any()
+
+
 def test_the_moving_plate_matters():
     """Without its Euler and centrifugal terms (a ball of no radius) the gap is a hundred times."""
     rig = table(None, 500.0)
