@@ -162,9 +162,10 @@ def test_null_values_leave_the_predictor_unchanged_bit_for_bit(name: str):
     assert np.array_equal(bare.ball, told.ball, equal_nan=True)
 
 
-def test_the_weight_of_the_ball_on_the_motor_matters():
+@pytest.mark.parametrize("drive", [STIFF, HELD["joint_backlash"]], ids=["light", "held"])
+def test_the_weight_of_the_ball_on_the_motor_matters(drive: Drive):
     """A steel ball of 130 g, 1 to 3 cm off the middle, is worth some tenths of a volt."""
-    rig = table(None, 500.0)
+    rig = replace(table(None, 500.0), drive=drive)
     heavy = replace(rig, ball=replace(rig.ball, mass_kg=0.13))
     known = simulated(heavy)
     with_it = sizes(predict(heavy, known, LEVELS), 500.0)["servo"]
