@@ -54,7 +54,7 @@ def derive(p):
         arms = p.linkage == THREE_ARMS  # their angle is the plate's own
         p.ratio[a] = 1.0 if arms else 2 * p.arm_radius[a] / p.plate_side[a]
         # torque at the servo per metre of the ball's offset
-        p.weight[a] = p.mass * GRAVITY_M_S2 * p.ratio[a]
+        p.weight[a] = p.felt_weight[a] = p.mass * GRAVITY_M_S2 * p.ratio[a]
     if p.linkage == THREE_ARMS:
         size = (p.base_radius, p.plate_radius, p.arm_length, p.rod_length)
         p.level_arm = arm_angle(0, 0.0, 0.0, p.height, size)

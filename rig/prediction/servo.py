@@ -215,8 +215,8 @@ def predict_axis(p, levels, a, t, volts, theta, ball, corrected, resumed, gain, 
     """Fill column `a` of `out` and `std` (n, 2) [rad]: encoder innovations and their deviations.
 
     p: record PLANT; levels: record NOISE; t (n,) [s], volts (n, 2) [V], theta (n, 2) [rad]; ball
-    (n, 2): its place on the plate [m], whose weight turns the plate and, but in the gap of the
-    gears, the motor; gain: K [rad/s/V]; tau: time constant [s]; corrected (n,): rows whose angle
+    (n, 2): its place on the plate [m], which turns the motor by p.felt_weight [N m/m] but in the
+    gap of the gears; gain: K [rad/s/V]; tau: time constant [s]; corrected (n,): rows whose angle
     corrects the filter; resumed (n,): those after a hole, where all is moved to what the encoder
     says, at a speed known no better than at first. The first row, these and those that correct
     nothing are left as they were.
@@ -255,7 +255,7 @@ def predict_axis(p, levels, a, t, volts, theta, ball, corrected, resumed, gain, 
             else:
                 torque, anchor = plate_torque(winding, motor, anchor)
             free = free_gap or coasts
-            load = 0.0 if free else p.weight[a] * ball[k, a]
+            load = 0.0 if free else p.felt_weight[a] * ball[k, a]
             v -= (torque - load) / p.torque_per_volt[a]
             left, mean = (free_decay, free_share) if free else (decay, share)
             motor, speed = servo_step(p, a, motor, speed, p11, v, gain, left, mean, free, h)

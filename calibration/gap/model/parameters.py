@@ -18,6 +18,8 @@ from calibration.gap.decision_rule import (
     MIN_EFFECT_SIZE,
     MIN_TOLERANCE_RATIO,
 )
+from calibration.gap.model.nuisances import nuisances
+from calibration.gap.model.nuisances import write as write_nuisances
 from calibration.gap.model.record import (
     COAST_KEY,
     FALL_KEY,
@@ -51,6 +53,7 @@ STEPS = {
     "stiffness_1_s2": 0.02, "deceleration_m_s2": 0.001, "extra_s": 0.001, "angle_rad": 0.003,
     "k1_1_m2": 0.1, "height_m": 0.002, "lag_s": 0.002, "limit_rad_s": 0.05,
     "half_width_rad": 0.001, "fall_1": 1.0, "motor_lag_s": 0.001, "as_dead_time_1": 0.2,
+    "felt_weight_1": 0.1,
 }  # fmt: skip
 OWN_STEPS = {
     "transmission_ripple.sine": 0.001,
@@ -69,10 +72,6 @@ INNER_SHAPE = {
     "joint_backlash": [FALL_KEY],
     "camera_scale": [HEIGHT_KEY],
 }
-# Of a servo that takes an angle and reads it back: the lag of its motor, and the share of it that
-# the rig file tells as dead time. They change the answer's shape, not how late it is: no effects.
-MOTOR_KEY, SHARE_KEY = "motor_lag_s", "as_dead_time_1"
-ANSWER = {MOTOR_KEY: 0.1, SHARE_KEY: 1.0}  # highest; of a motor chosen, as of a heavy plate
 GUESSES = (0.2, 0.5, 1.0, 2.0, 5.0)  # of the nominal K and tau: starts of a fit far from them
 
 
@@ -213,11 +212,8 @@ class NominalModel:
                     "", key, axis, nominal, inf, nominal / 12, nominal * 12, 0.02 * nominal
                 )
         both = self.rig.linkage.kind == THREE_ARMS
-        for key, high in ANSWER.items() if servo.takes_angle and servo.has_angle else ():
-            for axis in "xy":
-                nominal = getattr(servo.on(axis), key, 0.0)
-                high, step = max(high, nominal), STEPS[key]
-                yield Parameter("", key, axis, nominal, inf, 0.0, high, step, in_both=both)
+        for key, axis, nominal, high in nuisances(self.rig):
+            yield Parameter("", key, axis, nominal, inf, 0.0, high, STEPS[key], in_both=both)
         for effect in self.effects:
             for axis in effect.axes:
                 for key in _keys(effect):
@@ -344,7 +340,7 @@ class NominalModel:
         for a, given in calibrated.items():
             gain[a] = given.get("gain_rad_s_V", gain[a])
             tau[a] = given.get("time_constant_s", tau[a])
-            self._answer(numbers, a, given)
+            write_nuisances(numbers, self._places, a, given)
         for (effect, a), given in touched.items():
             if self.is_own(effect):
                 self._set_own(record, effect, a, given)
@@ -353,17 +349,6 @@ class NominalModel:
                 numbers[self._places[field][a]] = value
         derive(numbers, self._places, self._wound)
         return Model(record, (gain[0], gain[1]), (tau[0], tau[1]))
-
-    def _answer(self, numbers: "memoryview[float]", a: int, given: Mapping[str, float]) -> None:
-        """Write how the servo of axis `a` answers an angle: what the rig file tells of its motor's
-        lag as dead time is lag."""
-        if MOTOR_KEY not in given:
-            return
-        lag, dead, motor = (self._places[k][a] for k in ("lag_s", "dead_time_s", MOTOR_KEY))
-        numbers[motor] = given[MOTOR_KEY]
-        moved_s = min(given.get(SHARE_KEY, 0.0) * given[MOTOR_KEY], numbers[dead])
-        numbers[lag] += moved_s
-        numbers[dead] -= moved_s
 
     def _set_own(self, p: np.record, name: str, a: int, given: Mapping[str, float]) -> None:
         """Write the parameters of a lab's own effect into the plant's record."""

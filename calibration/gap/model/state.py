@@ -15,13 +15,12 @@ from calibration.gap.model.data import OUTPUTS, Evidence
 from calibration.gap.model.fit import ITERATIONS, ParameterFit, evaluate, fit
 from calibration.gap.model.kept_fits import key_of
 from calibration.gap.model.noise import estimate, least_noise
+from calibration.gap.model.nuisances import MOTOR_KEY, SHARE_KEY
 from calibration.gap.model.parameters import (
     BALL,
     CALIBRATED,
     GUESSES,
-    MOTOR_KEY,
     SERVO,
-    SHARE_KEY,
     NominalModel,
     Parameter,
     released,

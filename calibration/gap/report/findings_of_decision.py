@@ -7,13 +7,13 @@ from math import atan2, cos, hypot, inf, sin
 
 from calibration.gap.findings import Interval, Named, RankedEffect, Untestable
 from calibration.gap.model.intervals import FIXED, UNKNOWN, Spread, interval, interval_of
+from calibration.gap.model.nuisances import MOTOR_KEY
 from calibration.gap.model.parameters import (
     BALL,
     CALIBRATED,
     COAST_KEY,
     HEIGHT_KEY,
     IN_RECORD,
-    MOTOR_KEY,
     PERIODIC,
     SERVO,
     NominalModel,

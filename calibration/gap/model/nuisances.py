@@ -1,0 +1,39 @@
+"""What every servo has a value of its own of: always fitted, and no effect.
+
+Of a servo that takes an angle and reads it back: the lag with which its motor takes up speed, and
+the share of it that the rig file tells as dead time. They change the shape of the answer, not how
+late it is. Of one that takes volts: the share of the ball's weight that turns its motor, which is
+none behind a worm gear.
+"""
+
+from collections.abc import Iterator, Mapping
+
+from calibration.gap.model.record import Places
+from rig.parameters import Rig
+
+MOTOR_KEY, SHARE_KEY, LOAD_KEY = "motor_lag_s", "as_dead_time_1", "felt_weight_1"
+HIGHEST_LAG_S = 0.1  # of a motor; chosen, as of a heavy plate
+
+
+def nuisances(rig: Rig) -> Iterator[tuple[str, str, float, float]]:
+    """Key, axis, nominal and highest value of each of a rig's; the lowest is 0."""
+    for axis in "xy":
+        servo = rig.servo.on(axis)
+        if not servo.takes_angle:
+            yield LOAD_KEY, axis, 1.0, 1.0
+        elif servo.has_angle:
+            yield MOTOR_KEY, axis, servo.motor_lag_s, max(HIGHEST_LAG_S, servo.motor_lag_s)
+            yield SHARE_KEY, axis, 0.0, 1.0
+
+
+def write(numbers: memoryview, places: Places, a: int, given: Mapping[str, float]) -> None:
+    """Write the nuisances `given` (key -> value) of axis `a` into a record's numbers. What the rig
+    file tells of a motor's lag as dead time is lag."""
+    if LOAD_KEY in given:
+        numbers[places["felt_weight"][a]] *= given[LOAD_KEY]
+    if MOTOR_KEY in given:
+        lag, dead, motor = (places[k][a] for k in ("lag_s", "dead_time_s", MOTOR_KEY))
+        numbers[motor] = given[MOTOR_KEY]
+        moved_s = min(given.get(SHARE_KEY, 0.0) * given[MOTOR_KEY], numbers[dead])
+        numbers[lag] += moved_s
+        numbers[dead] -= moved_s
