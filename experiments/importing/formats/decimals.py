@@ -28,6 +28,8 @@ _WORDS = {"true": 1.0, "false": 0.0}
 def number(cell: str, mark: str) -> float | None:
     """The number in a cell with this decimal mark; None: it is none."""
     cell = cell.strip()
+    if "_" in cell:  # which Python takes for a mark between digits
+        return None
     if "." in cell or "," in cell:
         if not _NUMBER[mark].fullmatch(cell):
             return None
@@ -79,8 +81,8 @@ class NumberColumn:
 
     def extend(self, cells: Sequence[str]) -> None:
         """Take the next cells."""
-        commas = "," in self._values
-        if not (commas and any("." in cell or "," in cell for cell in cells)):
+        doubtful = ".,_" if "," in self._values else "_"
+        if not any(mark in cell for cell in cells for mark in doubtful):
             try:
                 return self.add(np.array(cells, dtype=np.float64))
             except ValueError:

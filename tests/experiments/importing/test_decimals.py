@@ -81,6 +81,16 @@ def test_three_decimals_without_any_comma_are_decimals(tmp_path: Path):
     assert read(path).columns["u"].tolist() == [1.25, 2.0] * (ROWS // 2)
 
 
+@pytest.mark.parametrize("other", ["1.5", "1,5"])
+def test_a_cell_with_an_underscore_is_no_number(tmp_path: Path, other: str):
+    """`46_26340`, as of two writers in one file, was 4626340."""
+    cells = [*[other] * (ROWS - 2), "46_26340", "7_3.5"]
+    stream = read(table(tmp_path, ";", list(map(str, range(ROWS))), cells))
+    assert np.isnan(stream.columns["u"][-2:]).all()
+    assert stream.columns["u"][:-2].tolist() == [1.5] * (ROWS - 2)
+    assert (stream.unreadable["u"].digits, stream.unreadable["u"].first) == (2, "46_26340")
+
+
 MAP = {
     "time": {"column": "t", "unit": "s"},
     "signals": {
