@@ -1,7 +1,8 @@
 """A recording as it stands in somebody's file: streams of named columns, meaning unknown."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -75,6 +76,16 @@ class Recording:
 
     stream: Stream
     notes: tuple[str, ...] = ()
+
+
+def once_each(pairs: Iterable[tuple[str, Any]]) -> dict[str, Any]:
+    """What names stand for. BadFileError: one stands twice."""
+    found: dict[str, Any] = {}
+    for name, value in pairs:
+        if name in found:
+            raise BadFileError(TWICE.format(name))
+        found[name] = value
+    return found
 
 
 def check_size(rows: int, columns: int) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 
 from experiments.importing.formats.clock_text import clock_seconds, is_clock
 from experiments.importing.formats.messages import messages_of_lines, numbers
-from experiments.importing.recording import BadFileError, Stream
+from experiments.importing.recording import BadFileError, Stream, once_each
 from experiments.records.csv_files import lines_of
 
 
@@ -16,18 +16,20 @@ def read_json_lines(path: Path) -> list[Stream]:
     """Read the numbers of every line's object as one stream, a column a path (`ball.x`); texts that
     are times of day are seconds.
 
-    BadFileError: no text in UTF-8, or as of `messages_of_lines`.
+    BadFileError: no text in UTF-8, a name stands twice in an object, or as of `messages_of_lines`.
     """
     clocks: set[str] = set()
 
     def row(line: str) -> dict[str, float] | None:
         try:
-            message = json.loads(line)
+            message = json.loads(line, object_pairs_hook=once_each)
             if not isinstance(message, dict):
                 return None
             times = dict(_times("", message))
             clocks.update(times)
-            return times | dict(numbers("", message, 0))
+            return times | once_each(numbers("", message, 0))
+        except BadFileError:
+            raise
         except (ValueError, RecursionError, OverflowError):  # 10**400 is no float
             return None
 

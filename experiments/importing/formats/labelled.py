@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterable, Sequence
 
 from experiments.importing.formats.messages import messages_of_lines
-from experiments.importing.recording import TWICE, BadFileError, Stream
+from experiments.importing.recording import Stream, once_each
 from experiments.importing.units import canonical
 
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?(?:nan|inf|NaN|Inf|NAN|INF)"
@@ -25,12 +25,7 @@ def labelled(lines: Iterable[str]) -> Stream:
 
 
 def _row(line: str) -> dict[str, float] | None:
-    pairs = _pairs(line)
-    row = {name: float(number) for name, number in pairs}
-    if len(row) < len(pairs):
-        names = [name for name, _ in pairs]
-        raise BadFileError(TWICE.format(max(names, key=names.count)))
-    return row or None
+    return once_each((name, float(number)) for name, number in _pairs(line)) or None
 
 
 def _pairs(line: str) -> list[tuple[str, str]]:

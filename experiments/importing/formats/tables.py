@@ -1,12 +1,18 @@
 """Read Parquet tables, alone or as a LeRobot data set."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from experiments.importing.recording import MAX_CELLS, BadFileError, Stream, check_size
+from experiments.importing.recording import (
+    MAX_CELLS,
+    BadFileError,
+    Stream,
+    check_size,
+    once_each,
+)
 from experiments.records.parquet_files import numbers_of
 from rig.files import json_of
 
@@ -16,10 +22,7 @@ MAX_WIDTH = 64  # chosen: a longer list in a cell is a picture, no set of signal
 def read_parquet(path: Path) -> list[Stream]:
     """Read the numbers of a Parquet file as one stream; lists become a column each."""
     table = _table(path)
-    columns = {}
-    for name in table.column_names:
-        for part, numbers in _columns(name, table[name], None):
-            columns[part] = numbers
+    columns = _numbers(table, {})
     if not columns:
         raise BadFileError("it holds no column of numbers")
     units = {
@@ -50,9 +53,8 @@ def read_lerobot(folder: Path) -> list[Stream]:
         table = _table(file)
         rows += table.num_rows
         check_size(rows, max(len(parts), 1))
-        for name in table.column_names:
-            for part, numbers in _columns(name, table[name], features.get(name)):
-                parts.setdefault(part, []).append(numbers)
+        for part, numbers in _numbers(table, features).items():
+            parts.setdefault(part, []).append(numbers)
     columns = {name: np.concatenate(numbers) for name, numbers in parts.items()}
     part_only = [name for name, values in columns.items() if len(values) != rows]
     columns = {name: values for name, values in columns.items() if len(values) == rows}
@@ -112,6 +114,15 @@ def _table(path: Path) -> Any:
         raise
     except Exception as error:  # of damaged bytes pyarrow raises its own, OSError and others
         raise BadFileError(f"{path.name} is not readable as Parquet ({error})") from error
+
+
+def _numbers(table: Any, features: Mapping[str, Any]) -> dict[str, np.ndarray]:
+    """The numbers (n,) of a table by name; features: of a LeRobot data set. BadFileError: a name
+    stands twice."""
+    pairs = zip(table.column_names, table.columns, strict=True)
+    return once_each(
+        part for name, column in pairs for part in _columns(name, column, features.get(name))
+    )
 
 
 def _columns(name: str, column: Any, feature: Any) -> Iterator[tuple[str, np.ndarray]]:
