@@ -9,6 +9,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from itertools import chain, islice
 from pathlib import Path
 
+import numpy as np
+
 from experiments.importing.formats.clock_text import clock_seconds, is_clock
 from experiments.importing.formats.decimals import NumberColumn, is_number
 from experiments.importing.formats.labelled import is_labelled, labelled
@@ -58,14 +60,17 @@ def _table(lines: Iterator[str]) -> Stream:
     cells = _cells(chain(head[first:], lines), separator)
     begin = list(islice(cells, PREAMBLE_LINES))
     width = Counter(map(len, begin)).most_common(1)[0][0]
-    names, units = _header(_split(head[:first], separator), width)
+    above = _named(_split(head[:first], separator), width)
+    names, units = _header(above, width)
     commas = any("," in cell for row in begin for cell in row)
     found = [NumberColumn(name, commas=commas) for name in names]
-    clocks, count, read = set[str](), 0, 0
+    clocks, count, read, again = set[str](), 0, 0, 0
     for block in blocks_of(chain(begin, cells), width):
-        count += len(block)
+        below = _without_headers(block, above, width, first + count + again)
+        again += len(block) - len(below)
+        count += len(below)
         check_size(count, width)
-        rows = [row for row in block if len(row) == width]
+        rows = [row for row in below if len(row) == width]
         read += len(rows)
         for one, column in zip(found, zip(*rows, strict=True), strict=bool(rows)):
             if _is_clock(column):
@@ -75,14 +80,17 @@ def _table(lines: Iterator[str]) -> Stream:
                 one.extend(column)
     lost = count - read
     check_lost(lost, count, f"have not {width} cells")
-    short = f"lines without {width} cells, left out: {lost} of {count}"
+    notes = (
+        *([f"lines without {width} cells, left out: {lost} of {count}"] if lost else ()),
+        *([f"lines that name the columns again, left out: {again}"] if again else ()),
+    )
     units |= dict.fromkeys(sorted(clocks), "s")
     sure = set().union(*(one.sure for one in found))
     numbers = {one.name: one.numbers(sure) for one in found}
     return Stream(
         {name: values for name, (values, _) in numbers.items()},
         units,
-        notes=(short,) if lost else (),
+        notes=notes,
         unreadable={name: cells for name, (_, cells) in numbers.items() if cells.count},
     )
 
@@ -168,11 +176,38 @@ def _is_number(cell: str) -> bool:
     return is_number(cell) or is_clock(cell)
 
 
-def _header(before: Sequence[Sequence[str]], width: int) -> tuple[list[str], dict[str, str]]:
-    """Names of the columns, and their units where a row of units follows the names."""
-    fitting = [[c.strip(' \t"').lstrip("#%").strip() for c in cells] for cells in before]
+def _named(lines: Iterable[Sequence[str]], width: int) -> list[list[str]]:
+    """Cells, as bare words, of those lines that may name `width` columns or their units."""
+    fitting = [[c.strip(' \t"').lstrip("#%").strip() for c in cells] for cells in lines]
     fitting = [cells + [""] * (len(cells) == width - 1) for cells in fitting]
-    fitting = [cells for cells in fitting if len(cells) == width and sum(map(bool, cells)) > 1]
+    return [cells for cells in fitting if len(cells) == width and sum(map(bool, cells)) > 1]
+
+
+def _without_headers(
+    block: Sequence[list[str]], above: Sequence[Sequence[str]], width: int, line: int
+) -> list[list[str]]:
+    """The rows of a block without those that say again what stands `above`. BadFileError: most of
+    a row are other words, and none of it is a number; line: how many stand before the block."""
+    try:
+        np.array([row[0] for row in block], dtype=np.float64)
+        return list(block)  # each begins with a number, as a rule the time
+    except ValueError:
+        rows = []
+    for at, row in enumerate(block, line + 1):
+        words = [] if any(map(_is_number, row)) else _named([row], width)
+        if not words or sum(map(bool, words[0])) <= width / 2:
+            rows.append(row)
+        elif words[0] not in above:
+            told = ", ".join(words[0])[:80]
+            raise BadFileError(
+                f"line {at} (blank ones not counted) names its columns anew, and not as before "
+                f"({told}): make it two files"
+            )
+    return rows
+
+
+def _header(fitting: Sequence[list[str]], width: int) -> tuple[list[str], dict[str, str]]:
+    """Names of the columns, and their units where a row of units follows the names."""
     names = [f"column {i + 1}" for i in range(width)]
     units: dict[str, str] = {}
     if fitting:
