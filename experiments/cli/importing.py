@@ -63,11 +63,13 @@ def import_(
     sources = tuple(printable(path.name) for path in files)
     if map_file is not None:
         made = merged(read_map(map_file), said).model_copy(update={"sources": sources})
+        _refuse_other_units(files, recordings, made, said)
     else:
         try:
             made = _proposed(recordings[0], said, sources, yes=yes)
         except BadFileError as error:
             raise ValueError(f"{files[0]}: {error}") from error
+        _refuse_other_units(files, recordings, made, said, recordings[0].stream)
         _refuse_others(files[1:], recordings[1:], made, said)
     logs = _converted(files, recordings, made, told=map_file is None)
     names = [out]
@@ -162,6 +164,23 @@ def _proposed(recording, said, sources: tuple[str, ...], *, yes: bool):
     return made
 
 
+def _refuse_other_units(files: list[Path], recordings, made, said, first=None) -> None:
+    """ValueError (one line): a file states another unit than the map that was given, or than the
+    `first` file, of which the map was made."""
+    from experiments.importing.agreement import other_unit
+
+    for path, recording in zip(files, recordings, strict=True):
+        if words := other_unit(made, recording.stream, said, first):
+            raise ValueError(_unfit(path, "map of the first file" if first else "given map", words))
+
+
+def _unfit(path: Path, which: str, words: str) -> str:
+    return (
+        f"{path}: the {which} does not fit it ({words}): import it alone, or state what is right "
+        "for all with --set"
+    )
+
+
 def _refuse_others(files: list[Path], recordings, made, said) -> None:
     """ValueError (one line): a further file does not say of itself what the first one's map says.
 
@@ -179,10 +198,7 @@ def _refuse_others(files: list[Path], recordings, made, said) -> None:
         except ValueError as error:
             words = str(error)
         if words:
-            raise ValueError(
-                f"{path}: the map of the first file does not fit it ({words}): import it alone, or "
-                "state what is right for all with --set"
-            )
+            raise ValueError(_unfit(path, "map of the first file", words))
 
 
 def _answer(doubt) -> str:

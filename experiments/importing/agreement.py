@@ -1,8 +1,9 @@
 """Whether a further recording says of itself what the map says that was made from another one."""
 
 from experiments.importing.draft import Proposal
-from experiments.importing.import_map import ImportMap, SignalMap, TimeMap
-from experiments.importing.units import family
+from experiments.importing.import_map import ImportMap, SignalMap, Stated, TimeMap
+from experiments.importing.recording import Stream
+from experiments.importing.units import canonical, factor, family
 
 ASKED = ("column", "unit", "sign")  # what the recordings of one rig have in common
 
@@ -27,6 +28,28 @@ def contradiction(made: ImportMap, found: Proposal) -> str:
             if sure and says is not None and says != getattr(own, key):
                 return f"its own {name}.{key} is {says}, not {getattr(own, key)}"
     return ""
+
+
+def other_unit(made: ImportMap, stream: Stream, said: Stated, first: Stream | None = None) -> str:
+    """The unit that a file itself states for a mapped column, in a row of units or as its format
+    does, where it is not the map's, in words; "" for none. What was `said` holds for all files;
+    what the map's `first` file states, too, was understood."""
+    for name, own in {"time": made.time, **made.signals}.items():
+        unit = _stated(stream, own.column, name)
+        known = (own.unit, _stated(first, own.column, name) if first else None)
+        if unit is not None and unit not in known and "unit" not in said.get(name, {}):
+            return f"its own {name}.unit is {unit}, not {own.unit}"
+    return ""
+
+
+def _stated(stream: Stream, column: str | None, name: str) -> str | None:
+    """The unit that the file states for a column; None: none of which a signal, or time, is."""
+    unit = canonical(stream.units.get(column or "", ""))
+    try:
+        factor(unit or "", "t_s" if name == "time" else name)
+    except ValueError:
+        return None
+    return unit
 
 
 def _default(kind: type[TimeMap] | type[SignalMap], key: str) -> object:

@@ -1,0 +1,63 @@
+"""A further file, or one for which a map is used again, that states other units than the map."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from experiments.records.importing import read_log
+from tests.support.command import told
+from tests.support.other_labs.bench import run
+
+NAMES = "t,servo x cmd,servo y cmd,ball x,ball y"
+UNITS = "s,deg,deg,mm,mm"
+
+
+@pytest.fixture(scope="module")
+def columns() -> list[np.ndarray]:
+    x, y = run(0, course_kind="squares"), run(1, course_kind="squares")
+    return [x.t, *np.degrees([x.command, y.command]), *1000 * np.array([x.seen, y.seen])]
+
+
+def written(path: Path, columns: list[np.ndarray], units: str) -> Path:
+    np.savetxt(path, np.column_stack(columns), "%.5f", ",", header=f"{NAMES}\n{units}", comments="")
+    return path
+
+
+def still(columns: list[np.ndarray]) -> list[np.ndarray]:
+    """The same run with servos that stand: nothing in it can be compared with anything."""
+    return [columns[0], *np.ones_like(columns[1:3]), *columns[3:]]
+
+
+@pytest.mark.parametrize(
+    ("units", "says"),
+    [
+        ("s,deg,deg,cm,cm", "its own ball_x_m.unit is cm, not mm"),
+        ("ms,deg,deg,mm,mm", "its own time.unit is ms, not s"),
+        ("s,deg,rad,mm,mm", "its own command_y_rad.unit is rad, not deg"),
+    ],
+)
+def test_other_units_are_refused_where_nothing_moves_too(units, says, columns, tmp_path: Path):
+    first = written(tmp_path / "a.csv", columns, UNITS)
+    other = written(tmp_path / "b.csv", still(columns), units)
+    code, _, line = told("import", first, other, "--out", tmp_path / "ab/a.csv", "--yes")
+    assert code == 2
+    assert f"b.csv: the map of the first file does not fit it ({says}): " in line
+    out = tmp_path / "out/a.csv"
+    assert told("import", first, "--out", out, "--yes")[0] == 0
+    again = ("import", other, "--out", tmp_path / "b/b.csv", "--map", out.with_name("import.toml"))
+    code, _, line = told(*again)
+    assert code == 2
+    assert f"b.csv: the given map does not fit it ({says}): " in line
+    assert not (tmp_path / "b").exists()
+    place, right = says.split()[2].partition(".")[0], says.split()[4].rstrip(",")
+    option = place if place == "time" else place.split("_")[0]
+    assert told(*again, "--set", f"{option}.unit={right}")[0] == 0
+
+
+def test_units_that_both_files_state_are_right(columns, tmp_path: Path):
+    first = written(tmp_path / "a.csv", columns, UNITS)
+    other = written(tmp_path / "b.csv", still(columns), "sec,degrees,degrees,mm,mm")
+    code, _, line = told("import", first, other, "--out", tmp_path / "ab/a.csv", "--yes")
+    assert (code, line) == (0, "")
+    np.testing.assert_allclose(read_log(tmp_path / "ab/a-2.csv")["command_x_rad"], np.radians(1.0))
