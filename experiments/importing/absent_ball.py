@@ -1,7 +1,8 @@
 """Which values of the ball's columns mean `no ball`: -1, 0, 9999, the panel's end, a corner."""
 
 from collections import Counter
-from itertools import pairwise
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,6 +11,39 @@ LONG_ROWS = 10
 FAR = 8.0  # of the 99 % quantile of the steps between rows: no ball moves so between two rows
 NEAR = 2.0  # so far a ball may move: between NEAR and FAR it cannot be told
 LONGER = 3.0  # times the longest stay anywhere else: no ball rests so much better in one place
+BEYOND = 2.0  # widths of the middle 90 % of the places, beyond which no ball comes in one step
+
+
+@dataclass(frozen=True, eq=False)
+class _Stays:
+    """Where `points` (n, k) stay the same: place (m, k), rows (m,), and the steps into and out of
+    it (m,), NaN where there is none."""
+
+    points: np.ndarray
+    steps: np.ndarray
+    place: np.ndarray
+    rows: np.ndarray
+    sides: np.ndarray
+
+    def at(self, place: Sequence[float]) -> np.ndarray:
+        """Which stays (m,) are there."""
+        return np.all(self.place == np.array(place), axis=1)
+
+    def rest(self, place: Sequence[float]) -> np.ndarray:
+        """Steps that are none, into, within or out of this place."""
+        inside = np.all(self.points == np.array(place), axis=1)
+        return self.steps[~inside[1:] & ~inside[:-1] & (self.steps > 0)]
+
+
+def _stays(points: np.ndarray, beside: np.ndarray | None = None) -> _Stays:
+    """Stays of points (n, k); beside (n - 1,): no hole in time lies between a row and the next."""
+    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    if beside is not None:
+        steps = np.where(beside, steps, np.nan)
+    edges = np.flatnonzero(np.r_[True, np.any(points[1:] != points[:-1], axis=1), True])
+    ends = np.r_[np.nan, steps, np.nan]
+    sides = np.column_stack((ends[edges[:-1]], ends[edges[1:]]))
+    return _Stays(points, steps, points[edges[:-1]], np.diff(edges), sides)
 
 
 def absent_codes(columns: list[np.ndarray]) -> tuple[tuple[float, ...], bool]:
@@ -23,49 +57,97 @@ def absent_codes(columns: list[np.ndarray]) -> tuple[tuple[float, ...], bool]:
     points = points[np.isfinite(points).all(axis=1)]
     if len(points) < 10:
         return (), True
-    edges = np.flatnonzero(np.r_[True, np.any(points[1:] != points[:-1], axis=1), True])
-    stays = [(tuple(points[a].tolist()), int(b - a)) for a, b in pairwise(edges)]
-    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    lasting = Counter[tuple[float, ...]]()
-    for key, rows in stays:
-        lasting[key] += rows if rows >= MIN_ROWS else 0
-    for key in [*(key for key, _ in lasting.most_common(5)), *_far_places(stays, steps)]:
+    stays = _stays(points)
+    for key in _candidates(stays):
         inside = np.all(points == np.array(key), axis=1)
-        rest = steps[~inside[1:] & ~inside[:-1] & (steps > 0)]
-        jumps = steps[inside[1:] != inside[:-1]]
+        rest, jumps = stays.rest(key), stays.steps[inside[1:] != inside[:-1]]
         if inside.sum() < MIN_ROWS or len(rest) < 5 or not len(jumps):
             continue
         usual, jump = float(np.quantile(rest, 0.99)), float(np.median(jumps))
         whole = all(value == int(value) for value in key)
         apart = points[~inside]
         corner = bool(np.any(np.all(apart > key, axis=0) | np.all(apart < key, axis=0)))
-        longest = max(count for place, count in stays if place == key)
-        elsewhere = max((count for place, count in stays if place != key), default=1)
-        stuck = whole and longest >= max(LONG_ROWS, LONGER * elsewhere)
+        here = stays.at(key)
+        stuck = whole and stays.rows[here].max() >= _stuck(stays, here)
         if jump > FAR * usual or stuck or (jump > 3 * usual and corner and whole):
             return key, True
-        if jump > NEAR * usual and len(jumps) >= 2 and lasting[key]:
+        lasts = np.any(stays.rows[here] >= MIN_ROWS)
+        if jump > NEAR * usual and len(jumps) >= 2 and lasts:
             return key, False
     return (), True
 
 
-def _far_places(stays: list[tuple[tuple[float, ...], int]], steps: np.ndarray) -> list[tuple]:
-    """The places of `stays` (place, rows) that were come to MIN_ROWS times, those of the largest
-    `steps` (m,) first, five at most: a detector that misses single rows."""
-    into: dict[tuple[float, ...], list[float]] = {}
-    row = 0
-    for key, rows in stays:
-        if row:
-            into.setdefault(key, []).append(float(steps[row - 1]))
-        row += rows
+def alone_codes(
+    values: np.ndarray, beside: np.ndarray
+) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """The values of one coordinate (n,) that surely mean `no ball` by themselves, and those that
+    may. beside (n - 1,): no hole in time lies between a row and the next.
+
+    Surely: the ball jumps to it and from it whenever it is there, or comes there in one step from
+    afar, where no other place is. Perhaps: it lasts there, and jumps on one side alone; or it
+    rolls over it at other times.
+    """
+    stays = _stays(values[:, None], beside)
+    known = np.isfinite(stays.sides)
+    sure, open_ = _beyond(stays), []
+    for key in _candidates(stays):
+        here, rest = stays.at(key), stays.rest(key)
+        if key[0] in sure or len(rest) < 5:
+            continue
+        far = stays.sides > FAR * float(np.quantile(rest, 0.99))
+        clear = here & far.any(axis=1) & (far | ~known).all(axis=1)
+        half = here & far.any(axis=1) & (stays.rows >= _stuck(stays, here))
+        if stays.rows[clear | half].sum() >= MIN_ROWS:
+            (sure if clear[here].all() else open_).append(key[0])
+    return tuple(sure), tuple(open_)
+
+
+def _stuck(stays: _Stays, here: np.ndarray) -> float:
+    """Rows that no ball rests at one place, of the stays `here` (m,), by those elsewhere."""
+    return max(LONG_ROWS, LONGER * max(stays.rows[~here], default=1))
+
+
+def _beyond(stays: _Stays) -> list[float]:
+    """Places of one coordinate that lie far beyond the others, and are come to and left in a step
+    as wide as those are apart."""
+    seen = stays.points[np.isfinite(stays.points)]
+    if len(seen) < 10:
+        return []
+    low, high = np.quantile(seen, 0.05, method="higher"), np.quantile(seen, 0.95, method="lower")
+    width = high - low
+    place, far = stays.place[:, 0], stays.sides > width
+    jumped = far.any(axis=1) & (far | ~np.isfinite(stays.sides)).all(axis=1)
+    outside = (place < low - BEYOND * width) | (place > high + BEYOND * width)
+    few = (stays.rows < LONG_ROWS) & (width > 0)
+    return np.unique(place[jumped & outside & few]).tolist()
+
+
+def _candidates(stays: _Stays) -> list[tuple[float, ...]]:
+    """The five places that last longest, and of those that were come to MIN_ROWS times the five
+    with the largest steps: a detector that misses single rows."""
+    lasting, into = Counter[tuple[float, ...]](), dict[tuple[float, ...], list[float]]()
+    seen = np.isfinite(stays.place).all(axis=1)
+    each = (stays.place[seen].tolist(), stays.rows[seen].tolist(), stays.sides[seen, 0].tolist())
+    for place, rows, step in zip(*each, strict=True):
+        key = tuple(place)
+        lasting[key] += rows if rows >= MIN_ROWS else 0
+        if np.isfinite(step):
+            into.setdefault(key, []).append(step)
     known = [key for key, come in into.items() if len(come) >= MIN_ROWS]
-    return sorted(known, key=lambda key: -float(np.median(into[key])))[:5]
+    far = sorted(known, key=lambda key: -float(np.median(into[key])))[:5]
+    return list(dict.fromkeys([*(key for key, _ in lasting.most_common(5)), *far]))
 
 
-def without(columns: list[np.ndarray], codes: tuple[float, ...]) -> list[np.ndarray]:
-    """The coordinates with NaN in the rows that mean `no ball`, in all of them at once."""
-    gone = np.any([~np.isfinite(values) for values in columns], axis=0)
-    if codes:
-        pairs = zip(columns, codes, strict=True)
-        gone |= np.all([values == code for values, code in pairs], axis=0)
-    return [np.where(gone, np.nan, values) for values in columns]
+def gone(
+    columns: Sequence[np.ndarray],
+    absent: Sequence[Sequence[float]] = (),
+    alone: Sequence[Sequence[float]] = (),
+) -> np.ndarray:
+    """Rows (n,) without a ball: a coordinate is blank or has one of the values that say so `alone`,
+    or each has one that is `absent`."""
+    out = np.any([~np.isfinite(values) for values in columns], axis=0)
+    if absent:
+        out |= np.all([np.isin(v, c) for v, c in zip(columns, absent, strict=True)], axis=0)
+    for values, codes in zip(columns, alone, strict=False):
+        out |= np.isin(values, codes)
+    return out

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from experiments.importing.absent_ball import gone
 from experiments.importing.clock import read_clock
 from experiments.importing.import_map import ImportMap, SignalMap
 from experiments.importing.recording import (
@@ -91,31 +92,32 @@ def _columns(stream: Stream, made: ImportMap) -> dict[str, np.ndarray]:
     The ball is blank in every coordinate where it is blank in one.
     """
     raw = {name: stream.columns[one.column] for name, one in made.signals.items()}
-    gone = _absent(raw, stream, made)
+    lost = _absent(raw, stream, made)
     if made.calibration is not None and "ball_x_m" in raw:
-        balls = _by_camera(raw, made, gone)
+        balls = _by_camera(raw, made, lost)
     else:
         balls = {}
     out = {}
     for name, signal in made.signals.items():
         values = balls[name] if name in balls else _si(name, raw[name], signal)
-        out[name] = np.where(gone, np.nan, values) if family(name) == "ball" else values
+        out[name] = np.where(lost, np.nan, values) if family(name) == "ball" else values
     return out
 
 
 def _absent(raw: Mapping[str, np.ndarray], stream: Stream, made: ImportMap) -> np.ndarray:
-    """Rows (n,) without a ball: a coordinate is blank, each has one of its codes, or a column says
-    so."""
-    balls = [name for name in raw if family(name) == "ball"]
-    gone = np.zeros(len(next(iter(raw.values()))), bool)
-    coded = [np.isin(raw[name], made.signals[name].absent) for name in balls]
-    if coded:
-        gone |= np.all(coded, axis=0)
-    for name in balls:
-        gone |= ~np.isfinite(raw[name])
-        for flag in made.signals[name].seen:
-            gone |= ~(stream.columns[flag] > 0)
-    return gone
+    """Rows (n,) without a ball: as of `gone`, or a column says so."""
+    balls = {name: one for name, one in made.signals.items() if family(name) == "ball"}
+    if not balls:
+        return np.zeros(len(stream), bool)
+    signals = balls.values()
+    out = gone(
+        [raw[name] for name in balls],
+        [one.absent for one in signals],
+        [one.absent_alone for one in signals],
+    )
+    for flag in {flag for one in signals for flag in one.seen}:
+        out |= ~(stream.columns[flag] > 0)
+    return out
 
 
 def _si(name: str, values: np.ndarray, signal: SignalMap) -> np.ndarray:
@@ -128,7 +130,7 @@ def _si(name: str, values: np.ndarray, signal: SignalMap) -> np.ndarray:
 
 
 def _by_camera(
-    raw: Mapping[str, np.ndarray], made: ImportMap, gone: np.ndarray
+    raw: Mapping[str, np.ndarray], made: ImportMap, lost: np.ndarray
 ) -> dict[str, np.ndarray]:
     """The ball's centre [m] on the level plate by the camera's calibration.
 
@@ -152,7 +154,7 @@ def _by_camera(
     bundle = load(path)
     pixels = np.column_stack([raw[name] for name in both])
     xy = np.full(pixels.shape, np.nan)
-    for row in np.flatnonzero(~gone):
+    for row in np.flatnonzero(~lost):
         try:
             xy[row] = bundle.view.ball_from_silhouette(pixels[row], bundle.ball_radius_m)[0]
         except ValueError as error:

@@ -45,8 +45,8 @@ class TimeMap(StrictModel):
 class SignalMap(StrictModel):
     """How one column becomes one of the log.
 
-    absent: values that mean `no ball` (where both coordinates have one of theirs); seen: columns
-    that are 0 or blank where there was no ball;
+    absent: values that mean `no ball` (where both coordinates have one of theirs), absent_alone:
+    those that do so by themselves; seen: columns that are 0 or blank where there was no ball;
     resistance_ohm, back_emf_V_s_rad: of a motor whose current was recorded,
     V = R i + k_e theta'.
     """
@@ -57,6 +57,7 @@ class SignalMap(StrictModel):
     scale: Positive | None = None
     offset: float = 0.0
     absent: tuple[float, ...] = ()
+    absent_alone: tuple[float, ...] = ()
     seen: tuple[str, ...] = ()
     resistance_ohm: Positive | None = None
     back_emf_V_s_rad: Annotated[float, Field(ge=0)] | None = None
@@ -116,7 +117,7 @@ def write_map(path: Path, made: ImportMap) -> None:
 
     kept = made.model_dump(mode="json", exclude_none=True, exclude={"sources"})
     for signal in kept["signals"].values():
-        for key in ("absent", "seen"):
+        for key in ("absent", "absent_alone", "seen"):
             if not signal[key]:
                 del signal[key]
     text = tomli_w.dumps({"sources": list(made.sources), **kept})
@@ -171,7 +172,7 @@ def _value(key: str, text: str, whole: str) -> Any:
     if key == "seen":
         return tuple(part.strip() for part in text.split(",") if part.strip() not in ("", "none"))
     try:
-        if key == "absent":
+        if key.startswith("absent"):
             return tuple(
                 float(part) for part in text.split(",") if part.strip() not in ("", "none")
             )

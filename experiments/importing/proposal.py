@@ -1,11 +1,11 @@
 """Propose a map for a recording: a pure function of its columns and of what was stated."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 
-from experiments.importing.absent_ball import absent_codes, without
+from experiments.importing.ball import settle_ball
 from experiments.importing.draft import Doubt, Draft, Proposal
 from experiments.importing.drive import find_volts, settle_speeds, settle_targets, settle_volts
 from experiments.importing.import_map import KINDS, SIGNALS, Stated
@@ -51,10 +51,10 @@ def propose(stream: Stream, said: Stated | None = None) -> Proposal:
     read_lone_servo(draft)
     ball = find_ball(draft)
     volts = find_volts(draft)
-    kinds = _angles(draft, bool(volts), ball)
+    seen = settle_ball(draft, ball)
+    kinds = _angles(draft, bool(volts), seen)
     angles = {f"{kind} {axis}": name for kind, each in kinds.items() for axis, name in each.items()}
     doubt_what_is_missing(draft, ball, angles, volts)
-    seen = _ball(draft, ball)
     for kind, columns in kinds.items():
         found = answers(draft, seen, columns)
         angles = followed(draft, kinds["theta"], columns) if kind != "theta" in kinds else {}
@@ -120,60 +120,9 @@ def _proposal(draft: Draft) -> Proposal:
     )
 
 
-def _ball(draft: Draft, ball: Mapping[str, str]) -> dict[str, np.ndarray]:
-    """The ball's coordinates (n,) by axis with NaN where there was none; settles their columns."""
-    names = {axis: NAMES["ball"].format(axis) for axis in ball}
-    columns, flags = _seen(draft, ball, list(names.values()))
-    if not columns:
-        return {}
-    if any(draft.is_said(name, "absent") for name in names.values()):
-        each = [draft.said.get(name, {}).get("absent", ()) for name in names.values()]
-        codes = tuple(one[0] for one in each if one)
-        codes = codes if len(codes) == len(columns) else ()
-        pairs = zip(columns, codes, strict=True)
-        if codes and not np.all([column == code for column, code in pairs], axis=0).any():
-            raise ValueError(f"absent = {codes}: no row of {', '.join(ball.values())} has it")
-    else:
-        codes, sure = absent_codes(columns)
-        if codes and not sure:
-            said = ", ".join(f"{code:g}" for code in codes)
-            for name, code in zip(names.values(), codes, strict=True):
-                draft.doubt([name], "absent", f"does ({said}) mean `no ball`", repr(code), "none")
-        elif codes:
-            gone = float(
-                np.mean(np.all([c == k for c, k in zip(columns, codes, strict=True)], axis=0))
-            )
-            said = ", ".join(f"{code:g}" for code in codes)
-            draft.because("ball", f"({said}) means no ball ({100 * gone:.1f} % of the rows)")
-    for i, (axis, column) in enumerate(ball.items()):
-        absent = (codes[i],) if codes else ()
-        sign = -1 if axis == "y" and draft.hints[column].unit == "px" else 1
-        if "calibration" in draft.said.get("", {}):
-            sign = 1
-        draft.settle(names[axis], column=column, absent=absent, seen=flags, sign=sign)
-    seen = dict(zip(ball, without(columns, codes), strict=True))
-    return {axis: draft.signals[names[axis]]["sign"] * values for axis, values in seen.items()}
-
-
-def _seen(
-    draft: Draft, ball: Mapping[str, str], names: Sequence[str]
-) -> tuple[list[np.ndarray], tuple[str, ...]]:
-    """The ball's columns, NaN where another column says that there was none; those columns, which
-    are 0 or 1 and bear a name for it, or were stated."""
-    stated = [draft.said[name]["seen"] for name in names if draft.is_said(name, "seen")]
-    flags = stated[0] if stated else tuple(columns_of(draft, "seen"))
-    gone = np.zeros(len(draft.stream), bool)
-    for flag in flags:
-        gone |= ~(draft.values(flag) > 0)
-    if flags and ball:
-        share = 100 * float(np.mean(gone))
-        draft.because(
-            "ball", f"no ball where {' or '.join(flags)} is 0 ({share:.1f} % of the rows)"
-        )
-    return [np.where(gone, np.nan, draft.values(column)) for column in ball.values()], flags
-
-
-def _angles(draft: Draft, driven: bool, ball: Mapping[str, str]) -> dict[str, dict[str, str]]:
+def _angles(
+    draft: Draft, driven: bool, ball: Mapping[str, np.ndarray]
+) -> dict[str, dict[str, str]]:
     """Columns of the angles by kind (theta, command) and axis; doubts where the kind is open."""
     named = {role: columns_of(draft, role) for role in ("theta", "command", "angle")}
     theta, command = (_with_partner(draft, role, named) for role in ("theta", "command"))
@@ -242,24 +191,16 @@ def _of_open_kind(draft: Draft, free: list[str]) -> tuple[dict[str, str], dict[s
     return {}, assign(draft, "command", free)
 
 
-def _earlier(draft: Draft, ball: Mapping[str, str], sooner: str, later: str) -> bool:
+def _earlier(draft: Draft, ball: Mapping[str, np.ndarray], sooner: str, later: str) -> bool:
     """Whether the ball surely answers one angle sooner than the other: then it is the servo's."""
-    seen = _without_codes(draft, ball)
     delays = []
     for column in (sooner, later):
-        each = [one[column] for one in answers(draft, seen, {"x": column}).values() if one]
+        each = [one[column] for one in answers(draft, ball, {"x": column}).values() if one]
         best = max(each, key=lambda one: one.share, default=None)
         if best is None or not best.sure:
             return False
         delays.append(best.delay_s)
     return delays[1] - delays[0] >= LEAD_S
-
-
-def _without_codes(draft: Draft, ball: Mapping[str, str]) -> dict[str, np.ndarray]:
-    """The ball's coordinates (n,) by axis, NaN where a value seems to mean `no ball`."""
-    columns = [draft.values(column) for column in ball.values()]
-    codes, _ = absent_codes(columns) if columns else ((), True)
-    return dict(zip(ball, without(columns, codes), strict=True)) if columns else {}
 
 
 def _lone_kind(draft: Draft, free: list[str]) -> str | None:

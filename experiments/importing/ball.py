@@ -1,0 +1,111 @@
+"""Where the recording shows a ball: its columns settled, with what means `no ball` in them."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from experiments.importing.absent_ball import absent_codes, alone_codes, gone
+from experiments.importing.clock import HOLE_S
+from experiments.importing.draft import Draft
+from experiments.importing.roles import NAMES, columns_of
+
+
+def settle_ball(draft: Draft, ball: Mapping[str, str]) -> dict[str, np.ndarray]:
+    """The ball's coordinates (n,) by axis with NaN where there was none; settles their columns,
+    and blanks them in the draft: what follows sees the ball alone."""
+    names = [NAMES["ball"].format(axis) for axis in ball]
+    columns, flags = _flagged(draft, ball, names)
+    if not columns:
+        return {}
+    codes = _codes(draft, names, columns, ball)
+    columns = _blanked(columns, gone(columns, [(code,) for code in codes]))
+    alone = [_alone(draft, *one) for one in zip(names, ball.values(), columns, strict=True)]
+    columns = _blanked(columns, gone(columns, alone=alone))
+    seen = {}
+    for i, (axis, column) in enumerate(ball.items()):
+        sign = -1 if axis == "y" and draft.hints[column].unit == "px" else 1
+        if "calibration" in draft.said.get("", {}):
+            sign = 1
+        keys = {"absent": codes[i : i + 1], "absent_alone": alone[i]}
+        draft.settle(names[i], column=column, **keys, seen=flags, sign=sign)
+        seen[axis] = draft.signals[names[i]]["sign"] * columns[i]
+    if all(np.isfinite(values).any() for values in columns):
+        kept = dict(zip(ball.values(), columns, strict=True))
+        draft.stream = replace(draft.stream, columns={**draft.stream.columns, **kept})
+    return seen
+
+
+def _blanked(columns: Sequence[np.ndarray], rows: np.ndarray) -> list[np.ndarray]:
+    return [np.where(rows, np.nan, values) for values in columns]
+
+
+def _flagged(
+    draft: Draft, ball: Mapping[str, str], names: Sequence[str]
+) -> tuple[list[np.ndarray], tuple[str, ...]]:
+    """The ball's columns, NaN where another column says that there was none; those columns, which
+    are 0 or 1 and bear a name for it, or were stated."""
+    stated = [draft.said[name]["seen"] for name in names if draft.is_said(name, "seen")]
+    flags = stated[0] if stated else tuple(columns_of(draft, "seen"))
+    lost = np.zeros(len(draft.stream), bool)
+    for flag in flags:
+        lost |= ~(draft.values(flag) > 0)
+    if flags and ball:
+        which = " or ".join(flags)
+        draft.because("ball", f"no ball where {which} is 0 ({_share(lost)} of the rows)")
+    return _blanked([draft.values(column) for column in ball.values()], lost), flags
+
+
+def _codes(
+    draft: Draft, names: list[str], columns: list[np.ndarray], ball: Mapping[str, str]
+) -> tuple[float, ...]:
+    """The value of each coordinate that means `no ball` where all have theirs; () for none."""
+    if any(draft.is_said(name, "absent") for name in names):
+        each = [draft.said.get(name, {}).get("absent", ()) for name in names]
+        codes = tuple(one[0] for one in each if one)
+        codes = codes if len(codes) == len(columns) else ()
+        if codes and not _have(columns, codes).any():
+            raise ValueError(f"absent = {codes}: no row of {', '.join(ball.values())} has it")
+        return codes
+    codes, sure = absent_codes(columns)
+    said = ", ".join(f"{code:g}" for code in codes)
+    for name, code in zip(names, codes, strict=False) if not sure else ():
+        draft.doubt([name], "absent", f"does ({said}) mean `no ball`", repr(code), "none")
+    if codes and sure:
+        share = _share(_have(columns, codes))
+        draft.because("ball", f"({said}) means no ball ({share} of the rows)")
+    return codes
+
+
+def _alone(draft: Draft, name: str, column: str, values: np.ndarray) -> tuple[float, ...]:
+    """The values of a coordinate that mean `no ball` whatever the other one is."""
+    if draft.is_said(name, "absent_alone"):
+        return draft.said[name]["absent_alone"]
+    sure, open_ = alone_codes(values, _beside(draft))
+    if open_:
+        options = (",".join(map(repr, (*sure, *open_))), ",".join(map(repr, sure)) or "none")
+        why = f"does {_some(open_)} in {column} alone mean `no ball`"
+        draft.doubt([name], "absent_alone", why, *options)
+    if sure:
+        share = _share(np.isin(values, sure))
+        draft.because("ball", f"{_some(sure)} in {column} means no ball ({share} of the rows)")
+    return (*sure, *open_)
+
+
+def _beside(draft: Draft) -> np.ndarray:
+    """Whether no session ends between a row and the next (n - 1,)."""
+    return ~(np.diff(draft.seconds) > HOLE_S)
+
+
+def _have(columns: Sequence[np.ndarray], codes: Sequence[float]) -> np.ndarray:
+    """Rows (n,) in which every coordinate has its code."""
+    return np.all([c == k for c, k in zip(columns, codes, strict=True)], axis=0)
+
+
+def _some(codes: Sequence[float]) -> str:
+    more = f" and {len(codes) - 3} more" if len(codes) > 3 else ""
+    return " or ".join(f"{code:g}" for code in codes[:3]) + more
+
+
+def _share(rows: np.ndarray) -> str:
+    return f"{100 * float(np.mean(rows)):.1f} %"

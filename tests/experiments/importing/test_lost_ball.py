@@ -1,0 +1,94 @@
+"""A ball that is lost in one coordinate, or once."""
+
+import numpy as np
+import pytest
+
+from experiments.importing.absent_ball import alone_codes
+from experiments.importing.conversion import convert
+from experiments.importing.import_map import stated
+from experiments.importing.proposal import propose
+from experiments.importing.recording import Stream
+from tests.experiments.importing.test_absent_ball import path
+from tests.support.other_labs.bench import run
+
+ROWS = 1500
+BESIDE = np.ones(ROWS - 1, bool)
+
+
+def place(seed: int, *, centre: float = 140.0, whole: bool = False) -> np.ndarray:
+    """One coordinate [mm] of a ball that is steered about `centre`."""
+    values = path(np.random.default_rng(seed))[:, 0] - 140.0 + centre
+    return np.round(values) if whole else values
+
+
+@pytest.mark.parametrize("code", [0.0, -1.0, 255.0, 999.0, 65535.0])
+@pytest.mark.parametrize("lost", [slice(600, 700), slice(0, 80), slice(1400, None), [3, 400, 900]])
+def test_a_code_of_one_coordinate(code: float, lost):
+    values = place(0)
+    values[lost] = code
+    assert alone_codes(values, BESIDE) == ((code,), ())
+
+
+@pytest.mark.parametrize("code", [-500.0, 999.0, 65535.0, 1e9])
+def test_a_code_that_occurs_once_far_from_all_else(code: float):
+    values = place(1)
+    values[700] = code
+    assert alone_codes(values, BESIDE) == ((code,), ())
+
+
+@pytest.mark.parametrize("whole", [False, True])
+def test_a_code_amid_the_places_is_asked_for(whole: bool):
+    """Whole millimetres: the ball rolls over it, too, and 0 is right there."""
+    values = place(2, centre=0.0, whole=whole)
+    values[600:700] = 0.0
+    assert alone_codes(values, BESIDE) == ((), (0.0,))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_ball_that_is_seen_has_no_code(seed: int):
+    both = path(np.random.default_rng(seed)) - 140.0
+    coarse = [np.round(both), 5 * np.round(both / 5)]
+    for points in (both, *coarse):
+        assert [alone_codes(one, BESIDE) for one in points.T] == [((), ())] * 2
+
+
+@pytest.fixture(scope="module")
+def bench() -> dict[str, np.ndarray]:
+    x, y = run(0, course_kind="squares"), run(1, course_kind="squares")
+    names = ("ball x [mm]", "ball y [mm]", "servo x cmd [deg]", "servo y cmd [deg]", "t [s]")
+    ball = []
+    for one in (x, y):
+        there = np.isfinite(one.seen)
+        ball.append(1000 * np.interp(one.t, one.t[there], np.round(one.seen[there], 6)))
+    return dict(zip(names, (*ball, *np.degrees([x.command, y.command]), x.t), strict=True))
+
+
+def seen(columns: dict[str, np.ndarray], *said: str) -> np.ndarray:
+    """Rows (n,) of the log in which there is a ball; nothing may be asked."""
+    stream = Stream(columns)
+    found = propose(stream, stated(said))
+    assert found.doubts == ()
+    (log,) = convert(stream, found.map())
+    return np.isfinite(log["ball_x_m"]) & np.isfinite(log["ball_y_m"])
+
+
+def test_the_log_has_no_ball_where_one_coordinate_has_a_code(bench):
+    columns = {name: values.copy() for name, values in bench.items()}
+    columns["ball x [mm]"][1000:1100] = 999.0
+    columns["ball y [mm]"][2000] = 65535.0
+    at = 2500 + int(np.argmin(np.abs(columns["ball y [mm]"][2500:3500])))
+    columns["ball y [mm]"][at : at + 100] = 0.0
+    asked = propose(Stream(columns)).doubts
+    assert [doubt.option for doubt in asked] == [
+        "--set ball_y_m.absent_alone=65535.0,0.0 or 65535.0"
+    ]
+    lost_rows = ~seen(columns, "ball_y_m.absent_alone=65535,0")
+    assert np.flatnonzero(lost_rows).tolist() == [*range(1000, 1100), 2000, *range(at, at + 100)]
+    assert not seen(columns, "ball_y_m.absent_alone=none")[1000:1100].any()
+
+
+def test_a_code_far_out_makes_no_unit_doubtful(bench):
+    columns = {name: values.copy() for name, values in bench.items()}
+    for name in ("ball x [mm]", "ball y [mm]"):
+        columns[name][1000:1200] = 65535.0
+    assert np.flatnonzero(~seen(columns)).tolist() == list(range(1000, 1200))
