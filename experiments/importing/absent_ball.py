@@ -1,4 +1,5 @@
-"""Which values of the ball's columns mean `no ball`: -1, 0, 9999, the panel's end, a corner."""
+"""Which values of the ball's columns mean `no ball`: -1, 0, 9999, the panel's end, a corner, and
+places that a detector holds."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -102,6 +103,31 @@ def alone_codes(
     return tuple(sure), tuple(open_)
 
 
+def held_rows(columns: list[np.ndarray], beside: np.ndarray) -> tuple[int, bool]:
+    """From how many rows on a place that stays is one that the detector holds while the ball is
+    lost, 0 where it holds none; and if that is sure.
+
+    Such places are several, the ball rolls to each, and jumps from it. Not sure: it rolls from
+    most, as a ball that rests, which coarse readings show as still.
+    """
+    stays = _stays(np.column_stack(columns), beside)
+    seen = np.isfinite(stays.place).all(axis=1)
+    if seen.sum() < 10:
+        return 0, True
+    least = max(LONG_ROWS, int(np.ceil(LONGER * np.quantile(stays.rows[seen], 0.95))))
+    long = seen & (stays.rows >= least)
+    into, out = stays.sides.T
+    steps = into[~long & np.isfinite(into) & ~np.r_[False, long[:-1]]]
+    if len(steps) < 5:
+        return 0, True
+    usual = float(np.quantile(steps, 0.99))
+    come = long & (into <= usual)
+    held, rests = come & (out > FAR * usual), come & (out <= NEAR * usual)
+    if len(np.unique(stays.place[held], axis=0)) < 2:
+        return 0, True
+    return least, bool(held.sum() > rests.sum())
+
+
 def _stuck(stays: _Stays, here: np.ndarray) -> float:
     """Rows that no ball rests at one place, of the stays `here` (m,), by those elsewhere."""
     return max(LONG_ROWS, LONGER * max(stays.rows[~here], default=1))
@@ -142,12 +168,17 @@ def gone(
     columns: Sequence[np.ndarray],
     absent: Sequence[Sequence[float]] = (),
     alone: Sequence[Sequence[float]] = (),
+    held: int = 0,
 ) -> np.ndarray:
     """Rows (n,) without a ball: a coordinate is blank or has one of the values that say so `alone`,
-    or each has one that is `absent`."""
+    each has one that is `absent`, or a place has stayed for `held` rows in all, after its first."""
     out = np.any([~np.isfinite(values) for values in columns], axis=0)
     if absent:
         out |= np.all([np.isin(v, c) for v, c in zip(columns, absent, strict=True)], axis=0)
     for values, codes in zip(columns, alone, strict=False):
         out |= np.isin(values, codes)
+    if held:
+        rows = _stays(np.column_stack(columns)).rows
+        later = np.arange(len(out)) - np.repeat(np.cumsum(rows) - rows, rows) > 0
+        out |= later & np.repeat(rows >= held, rows)
     return out

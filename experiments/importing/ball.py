@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from experiments.importing.absent_ball import absent_codes, alone_codes, gone
+from experiments.importing.absent_ball import absent_codes, alone_codes, gone, held_rows
 from experiments.importing.clock import HOLE_S
 from experiments.importing.draft import Draft
 from experiments.importing.roles import NAMES, columns_of
@@ -18,6 +18,8 @@ def settle_ball(draft: Draft, ball: Mapping[str, str]) -> dict[str, np.ndarray]:
     columns, flags = _flagged(draft, ball, names)
     if not columns:
         return {}
+    held = _held_rows(draft, names, columns)
+    columns = _blanked(columns, gone(columns, held=held))
     codes = _codes(draft, names, columns, ball)
     columns = _blanked(columns, gone(columns, [(code,) for code in codes]))
     alone = [_alone(draft, *one) for one in zip(names, ball.values(), columns, strict=True)]
@@ -27,7 +29,7 @@ def settle_ball(draft: Draft, ball: Mapping[str, str]) -> dict[str, np.ndarray]:
         sign = -1 if axis == "y" and draft.hints[column].unit == "px" else 1
         if "calibration" in draft.said.get("", {}):
             sign = 1
-        keys = {"absent": codes[i : i + 1], "absent_alone": alone[i]}
+        keys = {"absent": codes[i : i + 1], "absent_alone": alone[i], "held_rows": held}
         draft.settle(names[i], column=column, **keys, seen=flags, sign=sign)
         seen[axis] = draft.signals[names[i]]["sign"] * columns[i]
     if all(np.isfinite(values).any() for values in columns):
@@ -54,6 +56,21 @@ def _flagged(
         which = " or ".join(flags)
         draft.because("ball", f"no ball where {which} is 0 ({_share(lost)} of the rows)")
     return _blanked([draft.values(column) for column in ball.values()], lost), flags
+
+
+def _held_rows(draft: Draft, names: list[str], columns: list[np.ndarray]) -> int:
+    """The rows from which on a place that stays is one that the detector holds; 0: none is."""
+    said = [draft.said[name]["held_rows"] for name in names if draft.is_said(name, "held_rows")]
+    if said:
+        return max(said)
+    held, sure = held_rows(columns, _beside(draft))
+    what = f"places that stay for {held} rows or more"
+    if not sure:
+        draft.doubt(names, "held_rows", f"do {what} mean that the ball was lost", str(held), "0")
+    elif held:
+        share = _share(gone(columns, held=held) & ~gone(columns))
+        draft.because("ball", f"{what} are held ones of a lost ball ({share} of the rows)")
+    return held
 
 
 def _codes(

@@ -114,6 +114,7 @@ def _absent(raw: Mapping[str, np.ndarray], stream: Stream, made: ImportMap) -> n
         [raw[name] for name in balls],
         [one.absent for one in signals],
         [one.absent_alone for one in signals],
+        max(one.held_rows for one in signals),
     )
     for flag in {flag for one in signals for flag in one.seen}:
         out |= ~(stream.columns[flag] > 0)

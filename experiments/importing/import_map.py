@@ -46,7 +46,9 @@ class SignalMap(StrictModel):
     """How one column becomes one of the log.
 
     absent: values that mean `no ball` (where both coordinates have one of theirs), absent_alone:
-    those that do so by themselves; seen: columns that are 0 or blank where there was no ball;
+    those that do so by themselves; held_rows: a place of the ball that stays for so many rows is
+    one that its detector held, after the first of them (0: none is); seen: columns that are 0 or
+    blank where there was no ball;
     resistance_ohm, back_emf_V_s_rad: of a motor whose current was recorded,
     V = R i + k_e theta'.
     """
@@ -58,6 +60,7 @@ class SignalMap(StrictModel):
     offset: float = 0.0
     absent: tuple[float, ...] = ()
     absent_alone: tuple[float, ...] = ()
+    held_rows: Annotated[int, Field(ge=0)] = 0
     seen: tuple[str, ...] = ()
     resistance_ohm: Positive | None = None
     back_emf_V_s_rad: Annotated[float, Field(ge=0)] | None = None
@@ -117,7 +120,7 @@ def write_map(path: Path, made: ImportMap) -> None:
 
     kept = made.model_dump(mode="json", exclude_none=True, exclude={"sources"})
     for signal in kept["signals"].values():
-        for key in ("absent", "absent_alone", "seen"):
+        for key in ("absent", "absent_alone", "held_rows", "seen"):
             if not signal[key]:
                 del signal[key]
     text = tomli_w.dumps({"sources": list(made.sources), **kept})
@@ -181,7 +184,8 @@ def _value(key: str, text: str, whole: str) -> Any:
         raise ValueError(f"--set {whole}: {text!r} is no number") from None
     if key == "sign" and number not in (1, -1):
         raise ValueError(f"--set {whole}: a sign is 1 or -1")
-    return int(number) if key == "sign" else number
+    whole = key in ("sign", "held_rows") and float(number).is_integer()
+    return int(number) if whole else number
 
 
 def merged(made: ImportMap, said: Mapping[str, Mapping[str, Any]]) -> ImportMap:

@@ -1,9 +1,9 @@
-"""A ball that is lost in one coordinate, or once."""
+"""A ball that is lost in one coordinate, once, or while its last place is held."""
 
 import numpy as np
 import pytest
 
-from experiments.importing.absent_ball import alone_codes
+from experiments.importing.absent_ball import alone_codes, gone, held_rows
 from experiments.importing.conversion import convert
 from experiments.importing.import_map import stated
 from experiments.importing.proposal import propose
@@ -45,11 +45,64 @@ def test_a_code_amid_the_places_is_asked_for(whole: bool):
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_a_ball_that_is_seen_has_no_code(seed: int):
+def test_a_ball_that_is_seen_has_neither_code_nor_held_places(seed: int):
     both = path(np.random.default_rng(seed)) - 140.0
     coarse = [np.round(both), 5 * np.round(both / 5)]
     for points in (both, *coarse):
         assert [alone_codes(one, BESIDE) for one in points.T] == [((), ())] * 2
+        assert held_rows(list(points.T), BESIDE) == (0, True)
+
+
+def moved_and_rested(step: float) -> list[np.ndarray]:
+    """A ball that rests for 50 rows at each of 15 places, read without noise to `step` mm."""
+    k = np.arange(ROWS)
+    level, share = k // 100, np.clip(k % 100 / 50, 0, 1)
+    ends = np.random.default_rng(3).uniform(-50, 50, (2, 17))
+    ease = (1 - np.cos(np.pi * share)) / 2
+    return [
+        step * np.round((one[level] * (1 - ease) + one[level + 1] * ease) / step) for one in ends
+    ]
+
+
+@pytest.mark.parametrize("step", [0.001, 1.0, 5.0])
+def test_a_ball_at_rest_is_not_held(step: float):
+    assert held_rows(moved_and_rested(step), BESIDE) == (0, True)
+
+
+def lost(columns: list[np.ndarray], every: int = 300, rows: int = 120) -> np.ndarray:
+    """Hold the place of every so many rows in place; rows (n,) of the ball that was lost."""
+    out = np.zeros(len(columns[0]), bool)
+    for start in range(100, len(out) - rows, every):
+        for values in columns:
+            values[start : start + rows] = values[start - 1]
+        out[start : start + rows] = True
+    return out
+
+
+@pytest.mark.parametrize("rows_a_frame", [1, 4])
+def test_places_that_are_held(rows_a_frame: int):
+    columns = [np.repeat(one, rows_a_frame)[:ROWS] for one in path(np.random.default_rng(4)).T]
+    out = lost(columns)
+    held, sure = held_rows(columns, BESIDE)
+    assert (held, sure) == (3 * rows_a_frame if rows_a_frame > 3 else 10, True)
+    found = gone(columns, held=held)
+    assert found[out].mean() > 0.99
+    assert (found & ~out).sum() <= 2 * rows_a_frame * out.sum() / 120
+
+
+def test_places_that_are_held_beside_more_at_which_it_rests_are_asked_for():
+    columns = moved_and_rested(1.0)
+    lost(columns, every=500, rows=60)
+    assert held_rows(columns, BESIDE)[1] is False
+
+
+def test_sessions_that_end_at_rest_and_begin_elsewhere_hold_nothing():
+    columns, beside = moved_and_rested(1.0), BESIDE.copy()
+    for values in columns:
+        values[:] = values.reshape(5, 300)[[0, 3, 1, 4, 2]].ravel()
+    beside[299::300] = False
+    assert held_rows(columns, beside) == (0, True)
+    assert all(alone_codes(values, beside) == ((), ()) for values in columns)
 
 
 @pytest.fixture(scope="module")
@@ -85,6 +138,13 @@ def test_the_log_has_no_ball_where_one_coordinate_has_a_code(bench):
     lost_rows = ~seen(columns, "ball_y_m.absent_alone=65535,0")
     assert np.flatnonzero(lost_rows).tolist() == [*range(1000, 1100), 2000, *range(at, at + 100)]
     assert not seen(columns, "ball_y_m.absent_alone=none")[1000:1100].any()
+
+
+def test_the_log_has_no_ball_where_its_last_place_was_held(bench):
+    columns = {name: values.copy() for name, values in bench.items()}
+    out = lost([columns["ball x [mm]"], columns["ball y [mm]"]], every=600, rows=200)
+    np.testing.assert_array_equal(seen(columns), ~out)
+    assert seen(columns, "ball.held_rows=0", "ball.absent=none").all()
 
 
 def test_a_code_far_out_makes_no_unit_doubtful(bench):
