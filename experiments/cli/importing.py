@@ -68,7 +68,8 @@ def import_(
         try:
             made = _proposed(recordings[0], said, sources, yes=yes)
         except BadFileError as error:
-            raise ValueError(f"{files[0]}: {error}") from error
+            why = "; ".join((str(error), *recordings[0].notes))
+            raise ValueError(f"{files[0]}: {why}") from error
         _refuse_other_units(files, recordings, made, said, recordings[0].stream)
         _refuse_others(files[1:], recordings[1:], made, said)
     logs = _converted(files, recordings, made, told=map_file is None)

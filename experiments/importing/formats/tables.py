@@ -30,7 +30,13 @@ def read_parquet(path: Path) -> list[Stream]:
         for field in table.schema
         if field.metadata and b"unit" in field.metadata and field.name in columns
     }
-    return [Stream(columns, units)]
+    left = [
+        f"{name} ({column.type})"
+        for name, column in zip(table.column_names, table.columns, strict=True)
+        if not any(part == name or part.startswith(f"{name}[") for part in columns)
+    ]
+    notes = (f"left out, no numbers or lists of one length: {', '.join(left[:6])}",)
+    return [Stream(columns, units, notes=notes if left else ())]
 
 
 def read_lerobot(folder: Path) -> list[Stream]:
@@ -131,9 +137,10 @@ def _columns(name: str, column: Any, feature: Any) -> Iterator[tuple[str, np.nda
     import pyarrow.compute as pc
 
     kind = column.type
+    plain = (pa.types.is_floating, pa.types.is_integer, pa.types.is_boolean, pa.types.is_decimal)
     if pa.types.is_timestamp(kind):
         yield name, column.cast(pa.timestamp("us")).cast(pa.int64()).to_numpy() / 1e6
-    elif pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_boolean(kind):
+    elif any(is_number(kind) for is_number in plain):
         yield name, column.cast(pa.float64(), safe=False).to_numpy().astype(np.float64)
     elif (
         pa.types.is_list(kind) or pa.types.is_fixed_size_list(kind) or pa.types.is_large_list(kind)
