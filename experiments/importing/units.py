@@ -26,7 +26,7 @@ _SPELLED = {
     "s": "s sec secs second seconds sek sekunden",
     "ms": "ms msec millis millisecond milliseconds millisec",
     "us": "us usec micros microsecond microseconds µs μs",
-    "ns": "ns nsec nanosecond nanoseconds nanos",
+    "ns": "ns nsec nsecs nanosec nanosecs nanosecond nanoseconds nanos",
     "min": "min minutes",
     "m": "m meter meters metre metres",
     "cm": "cm centimeter centimeters centimetres",

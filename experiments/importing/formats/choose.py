@@ -9,6 +9,7 @@ from experiments.importing.formats.bags import read_bag
 from experiments.importing.formats.json_lines import read_json_lines
 from experiments.importing.formats.matlab import read_matlab
 from experiments.importing.formats.numpy_files import read_npy, read_npz
+from experiments.importing.formats.split_stamps import whole_stamps
 from experiments.importing.formats.tables import read_lerobot, read_parquet
 from experiments.importing.formats.tdms import read_tdms
 from experiments.importing.formats.text import read_text
@@ -58,7 +59,7 @@ def read_recording(path: Path) -> Recording:
         )
     try:
         with np.errstate(all="ignore"):  # damaged floats warn where they become doubles
-            return joined(reader(path))
+            return joined([whole_stamps(stream) for stream in reader(path)])
     except BadFileError as error:
         raise BadFileError(f"{path}: {printable(error)[:LONGEST_WORDS]}") from error
 
