@@ -48,30 +48,17 @@ def import_(
     Several sessions become LOG-1, LOG-2, ...
     """
     from experiments.importing.formats.choose import read_recording
-    from experiments.importing.import_map import merged, read_map, stated
-    from experiments.importing.recording import BadFileError
+    from experiments.importing.import_map import stated
     from experiments.importing.words import log_line, next_line
     from experiments.records.exporting import export_log, writer_of
     from experiments.records.run_folder import refuse_input
-    from rig.files import printable
 
     said = stated(settings or [])
     if calibration is not None:
         said.setdefault("", {})["calibration"] = str(calibration)
     writer_of(out)
     recordings = [read_recording(path) for path in files]
-    sources = tuple(printable(path.name) for path in files)
-    if map_file is not None:
-        made = merged(read_map(map_file), said).model_copy(update={"sources": sources})
-        _refuse_other_units(files, recordings, made, said)
-    else:
-        try:
-            made = _proposed(recordings[0], said, sources, yes=yes)
-        except BadFileError as error:
-            why = "; ".join((str(error), *recordings[0].notes))
-            raise ValueError(f"{files[0]}: {why}") from error
-        _refuse_other_units(files, recordings, made, said, recordings[0].stream)
-        _refuse_others(files[1:], recordings[1:], made, said)
+    made = _made(files, recordings, said, map_file, yes=yes)
     logs = _converted(files, recordings, made, told=map_file is None)
     names = [out]
     if len(logs) > 1:
@@ -83,6 +70,28 @@ def import_(
         say(log_line(str(name), log))
     _keep_map(made, out.with_name("import.toml"), map_file)
     say(next_line(names, made))
+
+
+def _made(files: list[Path], recordings, said, map_file: Path | None, *, yes: bool):
+    """The map for these files: the one that was given, or the one that the first file seems to
+    need. ValueError (one line): there is none, or a file says otherwise."""
+    from experiments.importing.import_map import merged, read_map
+    from experiments.importing.recording import BadFileError
+    from rig.files import printable
+
+    sources = tuple(printable(path.name) for path in files)
+    if map_file is not None:
+        made = merged(read_map(map_file), said).model_copy(update={"sources": sources})
+        _refuse_other_units(files, recordings, made, said)
+        return made
+    try:
+        made = _proposed(recordings[0], said, sources, yes=yes)
+    except BadFileError as error:
+        why = "; ".join((str(error), *recordings[0].notes))
+        raise ValueError(f"{files[0]}: {why}") from error
+    _refuse_other_units(files, recordings, made, said, recordings[0].stream)
+    _refuse_others(files[1:], recordings[1:], made, said)
+    return made
 
 
 def _converted(files: list[Path], recordings, made, *, told: bool) -> list:

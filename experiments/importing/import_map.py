@@ -184,8 +184,8 @@ def _value(key: str, text: str, whole: str) -> Any:
         raise ValueError(f"--set {whole}: {text!r} is no number") from None
     if key == "sign" and number not in (1, -1):
         raise ValueError(f"--set {whole}: a sign is 1 or -1")
-    whole = key in ("sign", "held_rows") and float(number).is_integer()
-    return int(number) if whole else number
+    count = key in ("sign", "held_rows") and float(number).is_integer()
+    return int(number) if count else number
 
 
 def merged(made: ImportMap, said: Mapping[str, Mapping[str, Any]]) -> ImportMap:
