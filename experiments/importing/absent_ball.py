@@ -12,6 +12,7 @@ LONG_ROWS = 10
 FAR = 8.0  # of the 99 % quantile of the steps between rows: no ball moves so between two rows
 NEAR = 2.0  # so far a ball may move: between NEAR and FAR it cannot be told
 LONGER = 3.0  # times the longest stay anywhere else: no ball rests so much better in one place
+HOLE = 5.0  # usual times between two known rows, over which a ball may come from anywhere
 BEYOND = 2.0  # widths of the middle 90 % of the places, beyond which no ball comes in one step
 
 
@@ -36,11 +37,16 @@ class _Stays:
         return self.steps[~inside[1:] & ~inside[:-1] & (self.steps > 0)]
 
 
-def _stays(points: np.ndarray, beside: np.ndarray | None = None) -> _Stays:
-    """Stays of points (n, k); beside (n - 1,): no hole in time lies between a row and the next."""
+def _stays(columns: Sequence[np.ndarray], seconds: np.ndarray | None = None) -> _Stays:
+    """Stays of the rows in which each coordinate (n,) is known; steps over a hole in `seconds` (n,)
+    are none."""
+    points = np.column_stack(columns)
+    known = np.isfinite(points).all(axis=1)
+    points = points[known]
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    if beside is not None:
-        steps = np.where(beside, steps, np.nan)
+    if seconds is not None and len(steps):
+        waits = np.diff(seconds[known])
+        steps = np.where(waits <= HOLE * np.nanmedian(waits), steps, np.nan)
     edges = np.flatnonzero(np.r_[True, np.any(points[1:] != points[:-1], axis=1), True])
     ends = np.r_[np.nan, steps, np.nan]
     sides = np.column_stack((ends[edges[:-1]], ends[edges[1:]]))
@@ -54,11 +60,10 @@ def absent_codes(columns: list[np.ndarray]) -> tuple[tuple[float, ...], bool]:
     it; or it is a whole number, and stays far longer than any other place. Empty where there is
     none. Not sure: the jumps are no larger than a fast ball's.
     """
-    points = np.column_stack(columns)
-    points = points[np.isfinite(points).all(axis=1)]
+    stays = _stays(columns)
+    points = stays.points
     if len(points) < 10:
         return (), True
-    stays = _stays(points)
     for key in _candidates(stays):
         inside = np.all(points == np.array(key), axis=1)
         rest, jumps = stays.rest(key), stays.steps[inside[1:] != inside[:-1]]
@@ -79,16 +84,16 @@ def absent_codes(columns: list[np.ndarray]) -> tuple[tuple[float, ...], bool]:
 
 
 def alone_codes(
-    values: np.ndarray, beside: np.ndarray
+    values: np.ndarray, seconds: np.ndarray
 ) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """The values of one coordinate (n,) that surely mean `no ball` by themselves, and those that
-    may. beside (n - 1,): no hole in time lies between a row and the next.
+    may. seconds (n,): when.
 
     Surely: the ball jumps to it and from it whenever it is there, or comes there in one step from
     afar, where no other place is. Perhaps: it lasts there, and jumps on one side alone; or it
     rolls over it at other times.
     """
-    stays = _stays(values[:, None], beside)
+    stays = _stays([values], seconds)
     known = np.isfinite(stays.sides)
     sure, open_ = _beyond(stays), []
     for key in _candidates(stays):
@@ -103,19 +108,18 @@ def alone_codes(
     return tuple(sure), tuple(open_)
 
 
-def held_rows(columns: list[np.ndarray], beside: np.ndarray) -> tuple[int, bool]:
-    """From how many rows on a place that stays is one that the detector holds while the ball is
-    lost, 0 where it holds none; and if that is sure.
+def held_rows(columns: list[np.ndarray], seconds: np.ndarray) -> tuple[int, bool]:
+    """From how many known rows on a place that stays is one that the detector holds while the ball
+    is lost, 0 where it holds none; and if that is sure.
 
     Such places are several, the ball rolls to each, and jumps from it. Not sure: it rolls from
     most, as a ball that rests, which coarse readings show as still.
     """
-    stays = _stays(np.column_stack(columns), beside)
-    seen = np.isfinite(stays.place).all(axis=1)
-    if seen.sum() < 10:
+    stays = _stays(columns, seconds)
+    if len(stays.rows) < 10:
         return 0, True
-    least = max(LONG_ROWS, int(np.ceil(LONGER * np.quantile(stays.rows[seen], 0.95))))
-    long = seen & (stays.rows >= least)
+    least = max(LONG_ROWS, int(np.ceil(LONGER * np.quantile(stays.rows, 0.95))))
+    long = stays.rows >= least
     into, out = stays.sides.T
     steps = into[~long & np.isfinite(into) & ~np.r_[False, long[:-1]]]
     if len(steps) < 5:
@@ -136,7 +140,7 @@ def _stuck(stays: _Stays, here: np.ndarray) -> float:
 def _beyond(stays: _Stays) -> list[float]:
     """Places of one coordinate that lie far beyond the others, and are come to and left in a step
     as wide as those are apart."""
-    seen = stays.points[np.isfinite(stays.points)]
+    seen = stays.points
     if len(seen) < 10:
         return []
     low, high = np.quantile(seen, 0.05, method="higher"), np.quantile(seen, 0.95, method="lower")
@@ -152,8 +156,7 @@ def _candidates(stays: _Stays) -> list[tuple[float, ...]]:
     """The five places that last longest, and of those that were come to MIN_ROWS times the five
     with the largest steps: a detector that misses single rows."""
     lasting, into = Counter[tuple[float, ...]](), dict[tuple[float, ...], list[float]]()
-    seen = np.isfinite(stays.place).all(axis=1)
-    each = (stays.place[seen].tolist(), stays.rows[seen].tolist(), stays.sides[seen, 0].tolist())
+    each = (stays.place.tolist(), stays.rows.tolist(), stays.sides[:, 0].tolist())
     for place, rows, step in zip(*each, strict=True):
         key = tuple(place)
         lasting[key] += rows if rows >= MIN_ROWS else 0
@@ -171,14 +174,15 @@ def gone(
     held: int = 0,
 ) -> np.ndarray:
     """Rows (n,) without a ball: a coordinate is blank or has one of the values that say so `alone`,
-    each has one that is `absent`, or a place has stayed for `held` rows in all, after its first."""
-    out = np.any([~np.isfinite(values) for values in columns], axis=0)
+    each has one that is `absent`, or a place stays for `held` known rows, after its first."""
+    known = np.all([np.isfinite(values) for values in columns], axis=0)
+    out = ~known
     if absent:
         out |= np.all([np.isin(v, c) for v, c in zip(columns, absent, strict=True)], axis=0)
     for values, codes in zip(columns, alone, strict=False):
         out |= np.isin(values, codes)
     if held:
-        rows = _stays(np.column_stack(columns)).rows
-        later = np.arange(len(out)) - np.repeat(np.cumsum(rows) - rows, rows) > 0
-        out |= later & np.repeat(rows >= held, rows)
+        rows = _stays(columns).rows
+        later = np.arange(rows.sum()) > np.repeat(np.cumsum(rows) - rows, rows)
+        out[np.flatnonzero(known)[later & np.repeat(rows >= held, rows)]] = True
     return out

@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 
 from experiments.importing.absent_ball import absent_codes, alone_codes, gone, held_rows
-from experiments.importing.clock import HOLE_S
 from experiments.importing.draft import Draft
 from experiments.importing.roles import NAMES, columns_of
 
@@ -63,7 +62,7 @@ def _held_rows(draft: Draft, names: list[str], columns: list[np.ndarray]) -> int
     said = [draft.said[name]["held_rows"] for name in names if draft.is_said(name, "held_rows")]
     if said:
         return max(said)
-    held, sure = held_rows(columns, _beside(draft))
+    held, sure = held_rows(columns, draft.seconds)
     what = f"places that stay for {held} rows or more"
     if not sure:
         draft.doubt(names, "held_rows", f"do {what} mean that the ball was lost", str(held), "0")
@@ -98,7 +97,7 @@ def _alone(draft: Draft, name: str, column: str, values: np.ndarray) -> tuple[fl
     """The values of a coordinate that mean `no ball` whatever the other one is."""
     if draft.is_said(name, "absent_alone"):
         return draft.said[name]["absent_alone"]
-    sure, open_ = alone_codes(values, _beside(draft))
+    sure, open_ = alone_codes(values, draft.seconds)
     if open_:
         options = (",".join(map(repr, (*sure, *open_))), ",".join(map(repr, sure)) or "none")
         why = f"does {_some(open_)} in {column} alone mean `no ball`"
@@ -107,11 +106,6 @@ def _alone(draft: Draft, name: str, column: str, values: np.ndarray) -> tuple[fl
         share = _share(np.isin(values, sure))
         draft.because("ball", f"{_some(sure)} in {column} means no ball ({share} of the rows)")
     return (*sure, *open_)
-
-
-def _beside(draft: Draft) -> np.ndarray:
-    """Whether no session ends between a row and the next (n - 1,)."""
-    return ~(np.diff(draft.seconds) > HOLE_S)
 
 
 def _have(columns: Sequence[np.ndarray], codes: Sequence[float]) -> np.ndarray:

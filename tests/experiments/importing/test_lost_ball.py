@@ -12,7 +12,7 @@ from tests.experiments.importing.test_absent_ball import path
 from tests.support.other_labs.bench import run
 
 ROWS = 1500
-BESIDE = np.ones(ROWS - 1, bool)
+SECONDS = np.arange(ROWS) / 50.0
 
 
 def place(seed: int, *, centre: float = 140.0, whole: bool = False) -> np.ndarray:
@@ -26,14 +26,14 @@ def place(seed: int, *, centre: float = 140.0, whole: bool = False) -> np.ndarra
 def test_a_code_of_one_coordinate(code: float, lost):
     values = place(0)
     values[lost] = code
-    assert alone_codes(values, BESIDE) == ((code,), ())
+    assert alone_codes(values, SECONDS) == ((code,), ())
 
 
 @pytest.mark.parametrize("code", [-500.0, 999.0, 65535.0, 1e9])
 def test_a_code_that_occurs_once_far_from_all_else(code: float):
     values = place(1)
     values[700] = code
-    assert alone_codes(values, BESIDE) == ((code,), ())
+    assert alone_codes(values, SECONDS) == ((code,), ())
 
 
 @pytest.mark.parametrize("whole", [False, True])
@@ -41,7 +41,7 @@ def test_a_code_amid_the_places_is_asked_for(whole: bool):
     """Whole millimetres: the ball rolls over it, too, and 0 is right there."""
     values = place(2, centre=0.0, whole=whole)
     values[600:700] = 0.0
-    assert alone_codes(values, BESIDE) == ((), (0.0,))
+    assert alone_codes(values, SECONDS) == ((), (0.0,))
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -49,8 +49,8 @@ def test_a_ball_that_is_seen_has_neither_code_nor_held_places(seed: int):
     both = path(np.random.default_rng(seed)) - 140.0
     coarse = [np.round(both), 5 * np.round(both / 5)]
     for points in (both, *coarse):
-        assert [alone_codes(one, BESIDE) for one in points.T] == [((), ())] * 2
-        assert held_rows(list(points.T), BESIDE) == (0, True)
+        assert [alone_codes(one, SECONDS) for one in points.T] == [((), ())] * 2
+        assert held_rows(list(points.T), SECONDS) == (0, True)
 
 
 def moved_and_rested(step: float) -> list[np.ndarray]:
@@ -66,7 +66,7 @@ def moved_and_rested(step: float) -> list[np.ndarray]:
 
 @pytest.mark.parametrize("step", [0.001, 1.0, 5.0])
 def test_a_ball_at_rest_is_not_held(step: float):
-    assert held_rows(moved_and_rested(step), BESIDE) == (0, True)
+    assert held_rows(moved_and_rested(step), SECONDS) == (0, True)
 
 
 def lost(columns: list[np.ndarray], every: int = 300, rows: int = 120) -> np.ndarray:
@@ -83,7 +83,7 @@ def lost(columns: list[np.ndarray], every: int = 300, rows: int = 120) -> np.nda
 def test_places_that_are_held(rows_a_frame: int):
     columns = [np.repeat(one, rows_a_frame)[:ROWS] for one in path(np.random.default_rng(4)).T]
     out = lost(columns)
-    held, sure = held_rows(columns, BESIDE)
+    held, sure = held_rows(columns, SECONDS)
     assert (held, sure) == (3 * rows_a_frame if rows_a_frame > 3 else 10, True)
     found = gone(columns, held=held)
     assert found[out].mean() > 0.99
@@ -93,16 +93,15 @@ def test_places_that_are_held(rows_a_frame: int):
 def test_places_that_are_held_beside_more_at_which_it_rests_are_asked_for():
     columns = moved_and_rested(1.0)
     lost(columns, every=500, rows=60)
-    assert held_rows(columns, BESIDE)[1] is False
+    assert held_rows(columns, SECONDS)[1] is False
 
 
 def test_sessions_that_end_at_rest_and_begin_elsewhere_hold_nothing():
-    columns, beside = moved_and_rested(1.0), BESIDE.copy()
+    columns, apart = moved_and_rested(1.0), 10.0 * (np.arange(ROWS) // 300)
     for values in columns:
         values[:] = values.reshape(5, 300)[[0, 3, 1, 4, 2]].ravel()
-    beside[299::300] = False
-    assert held_rows(columns, beside) == (0, True)
-    assert all(alone_codes(values, beside) == ((), ()) for values in columns)
+    assert held_rows(columns, SECONDS + apart) == (0, True)
+    assert all(alone_codes(values, SECONDS + apart) == ((), ()) for values in columns)
 
 
 @pytest.fixture(scope="module")
@@ -114,6 +113,14 @@ def bench() -> dict[str, np.ndarray]:
         there = np.isfinite(one.seen)
         ball.append(1000 * np.interp(one.t, one.t[there], np.round(one.seen[there], 6)))
     return dict(zip(names, (*ball, *np.degrees([x.command, y.command]), x.t), strict=True))
+
+
+def blank(columns: dict[str, np.ndarray]) -> np.ndarray:
+    """Make two of three cells of the ball blank, as of a camera that is slower; rows (n,) kept."""
+    kept = np.arange(len(columns["t [s]"])) % 3 == 0
+    for name in ("ball x [mm]", "ball y [mm]"):
+        columns[name][~kept] = np.nan
+    return kept
 
 
 def seen(columns: dict[str, np.ndarray], *said: str) -> np.ndarray:
@@ -138,6 +145,9 @@ def test_the_log_has_no_ball_where_one_coordinate_has_a_code(bench):
     lost_rows = ~seen(columns, "ball_y_m.absent_alone=65535,0")
     assert np.flatnonzero(lost_rows).tolist() == [*range(1000, 1100), 2000, *range(at, at + 100)]
     assert not seen(columns, "ball_y_m.absent_alone=none")[1000:1100].any()
+    kept = blank(columns)
+    np.testing.assert_array_equal(seen(columns, "ball_y_m.absent_alone=65535,0"), kept & ~lost_rows)
+    assert not seen(columns, "ball_y_m.absent_alone=none")[1000:1100].any()
 
 
 def test_the_log_has_no_ball_where_its_last_place_was_held(bench):
@@ -145,6 +155,10 @@ def test_the_log_has_no_ball_where_its_last_place_was_held(bench):
     out = lost([columns["ball x [mm]"], columns["ball y [mm]"]], every=600, rows=200)
     np.testing.assert_array_equal(seen(columns), ~out)
     assert seen(columns, "ball.held_rows=0", "ball.absent=none").all()
+    kept = blank(columns)
+    again = seen(columns)
+    assert again[kept & ~out].all()
+    assert again[out].sum() <= 7  # the first of each
 
 
 def test_a_code_far_out_makes_no_unit_doubtful(bench):
