@@ -6,6 +6,7 @@ from experiments.importing.recording import Stream
 from experiments.importing.units import canonical, factor, family
 
 ASKED = ("column", "unit", "sign")  # what the recordings of one rig have in common
+LOST = ("absent", "absent_alone", "held_rows")  # where more may be in one of them than in another
 
 
 def contradiction(made: ImportMap, found: Proposal) -> str:
@@ -22,12 +23,26 @@ def contradiction(made: ImportMap, found: Proposal) -> str:
             return f"its time has another {key}: {time.get(key)}"
     for name, signal in found.draft["signals"].items():
         own = made.signals.get(name)
-        for key in ASKED if own is not None else ():
+        if own is None:
+            continue
+        for key in ASKED:
             sure = (name, key) not in doubts and (family(name), key) not in doubts
             says = signal.get(key, _default(SignalMap, key))
             if sure and says is not None and says != getattr(own, key):
                 return f"its own {name}.{key} is {says}, not {getattr(own, key)}"
+        for key in LOST:
+            sure = (name, key) not in doubts and (family(name), key) not in doubts
+            if sure and not _covered(signal.get(key, ()), own):
+                return f"its own {name}.{key} is {signal[key]}, by which no ball is there"
     return ""
+
+
+def _covered(lost: int | tuple[float, ...], own: SignalMap) -> bool:
+    """Whether the map takes for no ball what a file's proposal does: some codes, or places that are
+    held for so many rows."""
+    if isinstance(lost, int):
+        return not lost or own.held_rows > 0
+    return {*lost} <= {*own.absent, *own.absent_alone}
 
 
 def other_unit(made: ImportMap, stream: Stream, said: Stated, first: Stream | None = None) -> str:

@@ -61,3 +61,20 @@ def test_units_that_both_files_state_are_right(columns, tmp_path: Path):
     code, _, line = told("import", first, other, "--out", tmp_path / "ab/a.csv", "--yes")
     assert (code, line) == (0, "")
     np.testing.assert_allclose(read_log(tmp_path / "ab/a-2.csv")["command_x_rad"], np.radians(1.0))
+
+
+@pytest.mark.parametrize(
+    ("both", "code", "says"), [(True, -1.0, "absent is (-1.0,)"), (False, 999.0, "absent_alone is")]
+)
+def test_a_ball_that_only_a_further_file_loses(both, code, says, columns, tmp_path: Path):
+    first = written(tmp_path / "a.csv", columns, UNITS)
+    lost = [values.copy() for values in columns]
+    for values in lost[3:] if both else lost[3:4]:
+        values[1000:1200] = code
+    other = written(tmp_path / "b.csv", lost, UNITS)
+    out = tmp_path / "ab/a.csv"
+    done, _, line = told("import", first, other, "--out", out, "--yes")
+    assert done == 2
+    assert f"b.csv: the map of the first file does not fit it (its own ball_x_m.{says}" in line
+    assert told("import", other, first, "--out", out, "--yes")[0] == 0
+    assert np.isnan(read_log(tmp_path / "ab/a-1.csv")["ball_x_m"][1000:1200]).all()
