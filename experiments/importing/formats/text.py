@@ -195,7 +195,7 @@ def _without_headers(
         rows = []
     for at, row in enumerate(block, line + 1):
         words = [] if any(map(_is_number, row)) else _named([row], width)
-        if not words or sum(map(bool, words[0])) <= width / 2:
+        if not words or sum(any(map(str.isalpha, cell)) for cell in words[0]) <= width / 2:
             rows.append(row)
         elif words[0] not in above:
             told = ", ".join(words[0])[:80]

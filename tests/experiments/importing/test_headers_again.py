@@ -39,5 +39,5 @@ def test_another_one_is_refused(first: list[str], again: str, at: int, tmp_path:
 
 
 def test_rows_with_few_words_or_any_number_are_rows(tmp_path: Path):
-    path = written(tmp_path, HEADER, *ROWS, "7.98;lost;lost", ";;stop", *ROWS[:9])
-    assert len(read_recording(path).stream) == 411
+    path = written(tmp_path, HEADER, *ROWS, "7.98;lost;lost", ";;stop", "1 2;3,4,5;6 7", *ROWS[:9])
+    assert len(read_recording(path).stream) == 412
