@@ -13,6 +13,7 @@ FAR = 8.0  # of the 99 % quantile of the steps between rows: no ball moves so be
 NEAR = 2.0  # so far a ball may move: between NEAR and FAR it cannot be told
 LONGER = 3.0  # times the longest stay anywhere else: no ball rests so much better in one place
 HOLE = 5.0  # usual times between two known rows, over which a ball may come from anywhere
+SUDDEN = 3.0  # times the ball's step before or after: one that was pushed moves on so fast
 BEYOND = 2.0  # widths of the middle 90 % of the places, beyond which no ball comes in one step
 
 
@@ -47,7 +48,8 @@ def _stays(columns: Sequence[np.ndarray], seconds: np.ndarray | None = None) -> 
     if seconds is not None and len(steps):
         waits = np.diff(seconds[known])
         steps = np.where(waits <= HOLE * np.nanmedian(waits), steps, np.nan)
-    edges = np.flatnonzero(np.r_[True, np.any(points[1:] != points[:-1], axis=1), True])
+    moves = 1 + np.flatnonzero(np.any(points[1:] != points[:-1], axis=1))
+    edges = np.unique(np.r_[0, moves, len(points)])
     ends = np.r_[np.nan, steps, np.nan]
     sides = np.column_stack((ends[edges[:-1]], ends[edges[1:]]))
     return _Stays(points, steps, points[edges[:-1]], np.diff(edges), sides)
@@ -101,6 +103,7 @@ def alone_codes(
         if key[0] in sure or len(rest) < 5:
             continue
         far = stays.sides > FAR * float(np.quantile(rest, 0.99))
+        far &= stays.sides > SUDDEN * _steps_about(stays, here)
         clear = here & far.any(axis=1) & (far | ~known).all(axis=1)
         half = here & far.any(axis=1) & (stays.rows >= _stuck(stays, here))
         if stays.rows[clear | half].sum() >= MIN_ROWS:
@@ -126,7 +129,8 @@ def held_rows(columns: list[np.ndarray], seconds: np.ndarray) -> tuple[int, bool
         return 0, True
     usual = float(np.quantile(steps, 0.99))
     come = long & (into <= usual)
-    held, rests = come & (out > FAR * usual), come & (out <= NEAR * usual)
+    left = (out > FAR * usual) & (out > SUDDEN * _steps_about(stays, long)[:, 1])
+    held, rests = come & left, come & (out <= NEAR * usual)
     if len(np.unique(stays.place[held], axis=0)) < 2:
         return 0, True
     return least, bool(held.sum() > rests.sum())
@@ -137,19 +141,31 @@ def _stuck(stays: _Stays, here: np.ndarray) -> float:
     return max(LONG_ROWS, LONGER * max(stays.rows[~here], default=1))
 
 
+def _steps_about(stays: _Stays, here: np.ndarray) -> np.ndarray:
+    """The ball's steps (m, 2) before the one into a stay and after the one out of it, where the
+    stays `here` (m,) are left out; 0 for none."""
+    others = np.flatnonzero(~here)
+    steps = np.linalg.norm(np.diff(stays.place[others], axis=0), axis=1)
+    padded = np.r_[0.0, 0.0, steps, 0.0, 0.0]
+    at = np.searchsorted(others, np.arange(len(here)))
+    return np.column_stack((padded[at], padded[at + 2]))
+
+
 def _beyond(stays: _Stays) -> list[float]:
-    """Places of one coordinate that lie far beyond the others, and are come to and left in a step
-    as wide as those are apart."""
+    """Places of one coordinate that lie far beyond the others, and are come to from those, and left
+    to them, in one step."""
     seen = stays.points
     if len(seen) < 10:
         return []
     low, high = np.quantile(seen, 0.05, method="higher"), np.quantile(seen, 0.95, method="lower")
     width = high - low
-    place, far = stays.place[:, 0], stays.sides > width
-    jumped = far.any(axis=1) & (far | ~np.isfinite(stays.sides)).all(axis=1)
+    place = stays.place[:, 0]
     outside = (place < low - BEYOND * width) | (place > high + BEYOND * width)
+    known = np.isfinite(stays.sides)
+    known[0, 0] = True  # a sensor that begins with one
+    near = ~np.r_[False, outside[:-1]] & ~np.r_[outside[1:], False] & known.all(axis=1)
     few = (stays.rows < LONG_ROWS) & (width > 0)
-    return np.unique(place[jumped & outside & few]).tolist()
+    return np.unique(place[outside & near & few]).tolist()
 
 
 def _candidates(stays: _Stays) -> list[tuple[float, ...]]:

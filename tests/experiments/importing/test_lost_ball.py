@@ -96,6 +96,30 @@ def test_places_that_are_held_beside_more_at_which_it_rests_are_asked_for():
     assert held_rows(columns, SECONDS)[1] is False
 
 
+@pytest.mark.parametrize("frame", [1, 3])
+@pytest.mark.parametrize("speed", [5, 15])
+def test_a_ball_that_is_pushed_again_and_again_is_a_ball(frame: int, speed: int):
+    """It rests but for a whole millimetre, is pushed to the rim, bounces, and comes to rest
+    elsewhere: fast rows are few, and each place is passed several times."""
+    rng = np.random.default_rng(5)
+    x = []
+    for rest in (0, 20, -15, 5, 0, 10, -20, 15):
+        out = np.arange(x[-1] if x else 0, 60, speed)
+        back = np.arange(60, rest, -speed)
+        x += [*out, *back, *(rest + rng.integers(0, 2, 5000)), *[rest] * 60]
+    values = np.repeat(np.array(x, float), frame)
+    seconds = np.arange(len(values)) / 50.0
+    assert alone_codes(values, seconds) == ((), ())
+    assert held_rows([values, 0 * values], seconds) == (0, True)
+
+
+def test_a_ball_that_is_never_seen_has_no_code():
+    nothing = np.full(ROWS, np.nan)
+    assert alone_codes(nothing, SECONDS) == ((), ())
+    assert held_rows([nothing, nothing], SECONDS) == (0, True)
+    assert gone([nothing, nothing], held=12).all()
+
+
 def test_sessions_that_end_at_rest_and_begin_elsewhere_hold_nothing():
     columns, apart = moved_and_rested(1.0), 10.0 * (np.arange(ROWS) // 300)
     for values in columns:
