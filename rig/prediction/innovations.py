@@ -222,8 +222,8 @@ def servo_innovations(
             predict_told_axis(p, levels, a, *read, corrected, resumed, tau_s, out, std)
         else:
             motor = gain_rad_s_V[a], time_constant_s[a]
-            read = known.t_s, known.volts_V, known.theta_rad, known.ball_at_ticks_m
-            predict_axis(p, levels, a, *read, corrected, resumed, *motor, out, std)
+            seen_ball = known.ball_at_ticks_m
+            predict_axis(p, levels, a, *read, seen_ball, corrected, resumed, *motor, out, std)
     return out, std
 
 

@@ -215,18 +215,16 @@ def predict_axis(p, levels, a, t, volts, theta, ball, corrected, resumed, gain, 
     """Fill column `a` of `out` and `std` (n, 2) [rad]: encoder innovations and their deviations.
 
     p: record PLANT; levels: record NOISE; t (n,) [s], volts (n, 2) [V], theta (n, 2) [rad]; ball
-    (n, 2): its place on the plate [m], which turns the motor by p.felt_weight [N m/m] but in the
-    gap of the gears; gain: K [rad/s/V]; tau: time constant [s]; corrected (n,): rows whose angle
-    corrects the filter; resumed (n,): those after a hole, where all is moved to what the encoder
-    says, at a speed known no better than at first. The first row, these and those that correct
-    nothing are left as they were.
+    (n, 2): its place [m], which turns the motor by p.felt_weight [N m/m] but in the gear's gap;
+    gain: K [rad/s/V]; tau: time constant [s]; corrected (n,): rows whose angle corrects the filter;
+    resumed (n,): those after a hole, where all is moved to what the encoder says, at a speed known
+    no better than at first. The first row, these and those that correct nothing stay as they were.
     """
     r = levels.servo_measured[a] ** 2
     beta_1, beta_2 = p.gear_1[a], p.gear_2[a]
     arm, motor, speed = theta[0, a], theta[0, a], 0.0
     p00, p01, p11, still, s01, s11 = _known_once(r, 0.0)
-    delay = p.input_delay_delay_s[a]
-    torque, arm_speed, anchor = 0.0, 0.0, motor
+    delay, torque, arm_speed, anchor = p.input_delay_delay_s[a], 0.0, 0.0, motor
     coasts = p.gear_coast[a] > 0.0 and beta_1 > beta_2
     longest, winding = _longest_step(p, beta_1 > beta_2, coasts), _winding(p, a)
     alone = tau * p.motor_inertia[a] / (p.motor_inertia[a] + p.arm_inertia + p.plate_inertia)
@@ -255,8 +253,7 @@ def predict_axis(p, levels, a, t, volts, theta, ball, corrected, resumed, gain, 
             else:
                 torque, anchor = plate_torque(winding, motor, anchor)
             free = free_gap or coasts
-            load = 0.0 if free else p.felt_weight[a] * ball[k, a]
-            v -= (torque - load) / p.torque_per_volt[a]
+            v -= (torque - (not free) * p.felt_weight[a] * ball[k, a]) / p.torque_per_volt[a]
             left, mean = (free_decay, free_share) if free else (decay, share)
             motor, speed = servo_step(p, a, motor, speed, p11, v, gain, left, mean, free, h)
             if not coasts:

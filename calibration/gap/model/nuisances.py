@@ -6,6 +6,8 @@ late it is. Of one that takes volts: the share of the ball's weight that turns i
 none behind a worm gear.
 """
 
+from __future__ import annotations
+
 from collections.abc import Iterator, Mapping
 
 from calibration.gap.model.record import Places
@@ -16,7 +18,8 @@ HIGHEST_LAG_S = 0.1  # of a motor; chosen, as of a heavy plate
 
 
 def nuisances(rig: Rig) -> Iterator[tuple[str, str, float, float]]:
-    """Key, axis, nominal and highest value of each of a rig's; the lowest is 0."""
+    """Key, axis, nominal and highest value of each of a rig's; the lowest is 0, the tolerance the
+    highest: a prior that decides only where the logs tell nothing."""
     for axis in "xy":
         servo = rig.servo.on(axis)
         if not servo.takes_angle:
@@ -26,7 +29,7 @@ def nuisances(rig: Rig) -> Iterator[tuple[str, str, float, float]]:
             yield SHARE_KEY, axis, 0.0, 1.0
 
 
-def write(numbers: memoryview, places: Places, a: int, given: Mapping[str, float]) -> None:
+def write(numbers: memoryview[float], places: Places, a: int, given: Mapping[str, float]) -> None:
     """Write the nuisances `given` (key -> value) of axis `a` into a record's numbers. What the rig
     file tells of a motor's lag as dead time is lag."""
     if LOAD_KEY in given:

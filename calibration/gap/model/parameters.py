@@ -213,7 +213,7 @@ class NominalModel:
                 )
         both = self.rig.linkage.kind == THREE_ARMS
         for key, axis, nominal, high in nuisances(self.rig):
-            yield Parameter("", key, axis, nominal, inf, 0.0, high, STEPS[key], in_both=both)
+            yield Parameter("", key, axis, nominal, high, 0.0, high, STEPS[key], in_both=both)
         for effect in self.effects:
             for axis in effect.axes:
                 for key in _keys(effect):

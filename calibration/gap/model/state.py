@@ -15,7 +15,7 @@ from calibration.gap.model.data import OUTPUTS, Evidence
 from calibration.gap.model.fit import ITERATIONS, ParameterFit, evaluate, fit
 from calibration.gap.model.kept_fits import key_of
 from calibration.gap.model.noise import estimate, least_noise
-from calibration.gap.model.nuisances import MOTOR_KEY, SHARE_KEY
+from calibration.gap.model.nuisances import LOAD_KEY, MOTOR_KEY, SHARE_KEY
 from calibration.gap.model.parameters import (
     BALL,
     CALIBRATED,
@@ -56,7 +56,7 @@ class State:
         chosen = set(self.named if named is None else named)
         outputs, found = set(outputs), {}
         for parameter in self.nominal.parameters.values():
-            if not outputs & set(parameter.outputs):
+            if not outputs & set(parameter.outputs) or self._weightless(parameter):
                 continue
             effect = self.nominal.catalogue.get(parameter.effect)
             key = (parameter.effect, parameter.axis)
@@ -69,6 +69,10 @@ class State:
                     low, high = low - width, high + width  # a width of its own on each side
                 found[parameter.name] = low, high
         return found
+
+    def _weightless(self, parameter: Parameter) -> bool:
+        """Whether it is about the weight of a ball that nobody saw."""
+        return parameter.key == LOAD_KEY and not any(self.evidence.ball_axes)
 
     def _released(self, effect: Effect, axis: str) -> list[Parameter]:
         return released(effect, axis, self.nominal, self.fit.setting)
@@ -153,8 +157,9 @@ def _servo_guess(
     parameter -> values, those of CALIBRATED as shares of nominal) that the model has."""
     best = evaluate(evidence, nominal, {}, evidence.outputs)
     for output in sorted(set(SERVO) & set(evidence.outputs)):
-        own = [nominal.parameters.get(f".{key}.{output[-1]}") for key in guesses]
-        if None in own:
+        known = (nominal.parameters.get(f".{key}.{output[-1]}") for key in guesses)
+        own = [k for k in known if k is not None]
+        if len(own) < len(guesses):
             continue
         units = [k.nominal if k.key in CALIBRATED else 1.0 for k in own]
         for values in product(*guesses.values()):

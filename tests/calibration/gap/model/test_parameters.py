@@ -134,7 +134,7 @@ def test_every_key_has_its_parameter_and_starts_where_the_rig_file_has_it():
             catalogue = catalogue - {PERIODIC[effect.name], "phase_rad"} | {"sine", "cosine"}
         catalogue |= set(INNER_SHAPE.get(effect.name, []))  # not in rig files
         assert keys == catalogue
-    assert len(nominal.parameters) == 4 + sum(len(nominal.of(e.name, a)) for e, a in KEYS)
+    assert len(nominal.parameters) == 6 + sum(len(nominal.of(e.name, a)) for e, a in KEYS)
     for name, by_axis in TABLE.effects.items():
         for axis, pairs in by_axis.items():
             for key, value in pairs.items():
