@@ -175,7 +175,7 @@ def _watched(state: State) -> tuple[Parameter, ...]:
         for parameter in state.nominal.parameters.values()
         if spread.get(parameter.name, 0.0) > 0
         and parameter.key not in IN_RECORD
-        and (not parameter.effect or (parameter.effect, parameter.axis) in named)
+        and (parameter.key in CALIBRATED or (parameter.effect, parameter.axis) in named)
     )
 
 
