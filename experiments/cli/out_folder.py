@@ -22,13 +22,14 @@ def out_folder(out: Path) -> Path:
         return made
     found = os.fstat(handle)
     place = found.st_dev, found.st_ino
-    if place in _held or not lock(handle):
+    if place in _held:
         os.close(handle)
-        if place not in _held:
-            raise ValueError(
-                f"--out {out}: another program is writing its results there; wait for its end or "
-                "choose another folder"
-            )
-    else:
-        _held[place] = handle
+        return made
+    if not lock(handle):
+        os.close(handle)
+        raise ValueError(
+            f"--out {out}: another program is writing its results there; wait for its end or "
+            "choose another folder"
+        )
+    _held[place] = handle
     return made

@@ -14,9 +14,9 @@ def even_ticks(t_s: np.ndarray, period_s: float) -> np.ndarray:
     MOST_JITTER of a tick. A servo that reads its command at multiples of a period takes a stamp
     that is 1 ms late, as programs on a PC write them, for a command of a whole period later.
     """
-    if len(t_s) < 3:
+    tick_s = float(np.median(np.diff(t_s))) if len(t_s) > 2 else 0.0
+    if tick_s <= 0.0:
         return t_s
-    tick_s = float(np.median(np.diff(t_s)))
     number = np.concatenate([[0], np.cumsum(np.maximum(np.rint(np.diff(t_s) / tick_s), 1.0))])
     slope_s = float(np.polyfit(number, t_s, 1)[0])
     ratio = slope_s / period_s

@@ -13,7 +13,6 @@ import numpy as np
 
 LONGEST_FRAMES = 3  # chosen: longer stays are hands, or another thing that is tracked
 SIGMAS = 8.0  # chosen: of normal noise, no frame in the life of a table
-
 ACCELERATION_M_S2 = 3.0  # A: of a plate that turns by 0.4 rad at once
 
 

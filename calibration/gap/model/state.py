@@ -72,7 +72,8 @@ class State:
 
     def _weightless(self, parameter: Parameter) -> bool:
         """Whether it is about the weight of a ball that nobody saw."""
-        return parameter.key == LOAD_KEY and not any(self.evidence.ball_axes)
+        seen = self.evidence.ball_axes
+        return parameter.key == LOAD_KEY and not seen["xy".index(parameter.axis)]
 
     def _released(self, effect: Effect, axis: str) -> list[Parameter]:
         return released(effect, axis, self.nominal, self.fit.setting)

@@ -22,5 +22,7 @@ def test_another_clock_and_uneven_ticks_are_left_alone():
     uneven = np.cumsum(np.random.default_rng(2).uniform(0.01, 0.03, 900))
     for t_s in (uneven, EVEN_s * 1.05, EVEN_s + 0.007):
         np.testing.assert_array_equal(even_ticks(t_s, 0.02), t_s)
+    still = np.zeros(9)  # a clock that stands
+    np.testing.assert_array_equal(even_ticks(still, 0.02), still)
     for n in range(3):
         np.testing.assert_array_equal(even_ticks(EVEN_s[:n], 0.02), EVEN_s[:n])
