@@ -13,6 +13,7 @@ from rig.plant.position_servo import (
     aim,
     arrived,
     move_servos,
+    servo_laws,
     servos_at_level,
     table_angles,
 )
@@ -54,5 +55,5 @@ def follow(m, p, told, now, tick_s):
     x = arrived(p, 0, m.told, begin, middle, tick_s)
     y = arrived(p, 1, m.told, begin, middle, tick_s)
     aim(p, x, y, m.wanted)
-    move_servos(p, m.wanted, tick_s, m.servos)
+    move_servos(p, servo_laws(p, tick_s), m.wanted, tick_s, m.servos)
     table_angles(p, m.servos, m.angles)

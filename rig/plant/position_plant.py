@@ -44,6 +44,7 @@ from rig.plant.position_servo import (
     arrived,
     drawn_off,
     move_servos,
+    servo_laws,
     table_angles,
 )
 from rig.plant.step import (
@@ -160,6 +161,7 @@ def advance_commanded(s, p, history, t, ticks_s, push_x, push_y, held, exposure_
     wanted, angles = np.empty(SERVOS), np.empty(2)
     _servos_of(s, servos)
     plates, h, looked = np.empty((2, 3)), p.step_s, False
+    laws = servo_laws(p, h)
     before, rates = np.empty(2), np.empty(2)
     for a in range(2):
         plates[a, 0], plates[a, 1], plates[a, 2] = s[PLATE, a], s[PLATE_RATE, a], s[JOINT_LOST, a]
@@ -175,7 +177,7 @@ def advance_commanded(s, p, history, t, ticks_s, push_x, push_y, held, exposure_
         x_to = drawn_off(p, 0, x_to, angles[0], rates[0], now, h)
         y_to = drawn_off(p, 1, y_to, angles[1], rates[1], now, h)
         aim(p, x_to, y_to, wanted)
-        move_servos(p, wanted, h, servos)
+        move_servos(p, laws, wanted, h, servos)
         before[0], before[1] = angles[0], angles[1]
         table_angles(p, servos, angles)
         free = not (held or fallen)

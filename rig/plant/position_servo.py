@@ -101,18 +101,29 @@ def rate_limit(limit_rad_s, further_rad_s):
 
 
 @inlined
-def next_rate(error, rate, lag_s, motor_lag_s, limit_rad_s, acceleration_rad_s2, h):
+def rate_law(lag_s, motor_lag_s, limit_rad_s, acceleration_rad_s2, h):
+    """What gives a servo's rate over a step h [s], a constant of the servo: the share of its error
+    that it makes good a second [1/s], that of a new rate which its motor takes up [1], the limit
+    [rad/s] and by how much its rate changes at most [rad/s]."""
+    share = (1.0 - exp(-h / lag_s)) / h if lag_s > 0.0 else 1.0 / h
+    taken_up = 1.0 - exp(-h / motor_lag_s) if motor_lag_s > 0.0 else 1.0
+    return share, taken_up, limit_rad_s, acceleration_rad_s2 * h
+
+
+@inlined
+def next_rate(error, rate, law, h):
     """Rate of a servo over the next step h [rad/s].
 
-    error: command less angle, after the dead band [rad]; rate: over the step before.
+    error: command less angle, after the dead band [rad]; rate: over the step before; law: of
+    `rate_law`.
     """
-    share = (1.0 - exp(-h / lag_s)) / h if lag_s > 0.0 else 1.0 / h
-    size, change = abs(error), acceleration_rad_s2 * h
+    share, taken_up, limit_rad_s, change = law
+    size = abs(error)
     stops = change * (sqrt(0.25 + 2.0 * size / (change * h)) - 0.5)
     wanted = min(size * share, limit_rad_s, stops)
     wanted = wanted if error > 0.0 else -wanted
-    if motor_lag_s > 0.0:
-        wanted = rate + (wanted - rate) * (1.0 - exp(-h / motor_lag_s))
+    if taken_up < 1.0:
+        wanted = rate + (wanted - rate) * taken_up
     return min(max(wanted, rate - change), rate + change)
 
 
@@ -157,15 +168,10 @@ def drawn_off(p, a, goal, angle, rate, now, h):
     if not p.unknown.on:
         return goal
     band = p.dead_band_rad[a] + p.command_dead_band_half_width_rad[a]
-    omega = next_rate(
-        command_dead_band(goal - angle, band),
-        rate,
-        servo_lag(p.lag_s[a], p.servo_lag_lag_s[a]),
-        p.motor_lag_s[a],
-        rate_limit(p.rate_limit_rad_s[a], p.rate_limit_limit_rad_s[a]),
-        p.acceleration_limit_rad_s2[a],
-        h,
-    )
+    lag = servo_lag(p.lag_s[a], p.servo_lag_lag_s[a])
+    limit = rate_limit(p.rate_limit_rad_s[a], p.rate_limit_limit_rad_s[a])
+    law = rate_law(lag, p.motor_lag_s[a], limit, p.acceleration_limit_rad_s2[a], h)
+    omega = next_rate(command_dead_band(goal - angle, band), rate, law, h)
     return goal + servo_discrepancy(p.unknown, a, angle, omega, now)
 
 
@@ -196,24 +202,36 @@ def mixed_limit(p, i):
 
 
 @inlined
-def moved_servo(p, i, wanted, angle, rate, h):
-    """Angle [rad] and rate [rad/s] of servo i after h [s] towards the angle `wanted` [rad]."""
+def servo_law(p, i, h):
+    """Dead band of servo i [rad] and its `rate_law` for steps of h [s]."""
     band = mixed(p, i, p.dead_band_rad) + mixed(p, i, p.command_dead_band_half_width_rad)
-    error = command_dead_band(wanted - angle, band)
     lag = servo_lag(mixed(p, i, p.lag_s), mixed(p, i, p.servo_lag_lag_s))
-    limit = mixed_limit(p, i)
     motor, acceleration = mixed(p, i, p.motor_lag_s), mixed(p, i, p.acceleration_limit_rad_s2)
-    rate = next_rate(error, rate, lag, motor, limit, acceleration, h)
+    return band, rate_law(lag, motor, mixed_limit(p, i), acceleration, h)
+
+
+@inlined
+def servo_laws(p, h):
+    """`servo_law` of each of SERVOS."""
+    return servo_law(p, 0, h), servo_law(p, 1, h), servo_law(p, 2, h)
+
+
+@inlined
+def moved_servo(p, law, wanted, angle, rate, h):
+    """Angle [rad] and rate [rad/s] of a servo after h [s] towards the angle `wanted` [rad]; law: of
+    `servo_law`."""
+    rate = next_rate(command_dead_band(wanted - angle, law[0]), rate, law[1], h)
     turned = angle + h * rate
     rate = rate if abs(turned) <= p.stop_rad else 0.0
     return min(max(turned, -p.stop_rad), p.stop_rad), rate
 
 
-@compiled
-def move_servos(p, wanted, h, state):
-    """Move the servos on by h [s] towards the angles `wanted` (SERVOS,) [rad], in place."""
+@inlined
+def move_servos(p, laws, wanted, h, state):
+    """Move the servos on by h [s] towards the angles `wanted` (SERVOS,) [rad], in place; laws: of
+    `servo_laws`."""
     for i in range(SERVOS if p.linkage == THREE_ARMS else 2):
-        angle, rate = moved_servo(p, i, wanted[i], state[ANGLE + i], state[RATE + i], h)
+        angle, rate = moved_servo(p, laws[i], wanted[i], state[ANGLE + i], state[RATE + i], h)
         state[ANGLE + i], state[RATE + i] = angle, rate
 
 

@@ -23,10 +23,13 @@ from rig.plant.position_servo import (
     moved_servo,
     rounded,
     servo_dead_time,
+    servo_law,
+    servo_laws,
     servos_at_level,
     table_angles,
     told_at,
 )
+from rig.prediction.last_results import LastResults
 from rig.three_arms import arm_angle
 
 LONGEST_STEP_S = 0.0025  # between two angles: the ball's predictor goes straight between them
@@ -36,7 +39,6 @@ READ_STEP_S = 0.0005
 BEHIND = tuple(e.field(p.key) for e in CATALOGUE if e.side != "servo" for p in e.parameters)
 BEHIND += ("joint_1", "joint_2", "camera_height", "unknown", "own")
 SMALL_TILT_RAD = 1e-4  # of a numerical derivative
-KEPT = 4  # answers: of the present model and of what is tried on one servo beside it; chosen
 
 
 @compiled
@@ -85,6 +87,7 @@ def _follow(p, t, told, parts, state, times, angles):
     times[0] = t[0]
     for k in range(t.shape[0] - 1):
         h = (t[k + 1] - t[k]) / parts[k]
+        laws = servo_laws(p, h)
         for i in range(parts[k]):
             begin = t[k] + i * h
             for a in range(2):
@@ -93,7 +96,7 @@ def _follow(p, t, told, parts, state, times, angles):
             if goal[0] != aimed[0] or goal[1] != aimed[1]:
                 aim(p, goal[0], goal[1], wanted)
                 aimed[:] = goal
-            move_servos(p, wanted, h, state)
+            move_servos(p, laws, wanted, h, state)
             row += 1
             table_angles(p, state, angles[row])
             times[row] = t[k] + (i + 1) * h
@@ -155,12 +158,12 @@ def predict_told_axis(p, levels, a, t, told, theta, corrected, resumed, tau, out
         parts = max(int(ceil((t[k + 1] - t[k]) / READ_STEP_S - 1e-9)), 1)
         h = (t[k + 1] - t[k]) / parts
         decay = exp(-h / tau)
-        reach = tau * (1.0 - decay)
+        reach, law = tau * (1.0 - decay), servo_law(p, a, h)
         for i in range(parts):
             now = t[k] + i * h
             mean, row = _mean_told(p, a, t, told, now, h, row)
             goal = drawn_off(p, a, arriving(p, a, mean), angle, rate, now, h)
-            angle, rate = moved_servo(p, a, goal, angle, rate, h)
+            angle, rate = moved_servo(p, law, goal, angle, rate, h)
             angle, more = angle + reach * more, decay * more
             cov = _spread(cov, reach, decay, process, h)
         if resumed[k + 1]:
@@ -227,6 +230,7 @@ def predict_told_arms(p, levels, t, told, theta, seen, corrected, resumed, tau, 
     for k in range(t.shape[0] - 1):
         parts = max(int(ceil((t[k + 1] - t[k]) / READ_STEP_S - 1e-9)), 1)
         h = (t[k + 1] - t[k]) / parts
+        laws = servo_laws(p, h)
         for a in range(2):
             decay[a] = exp(-h / tau[a])
             reach[a] = tau[a] * (1.0 - decay[a])
@@ -238,7 +242,7 @@ def predict_told_arms(p, levels, t, told, theta, seen, corrected, resumed, tau, 
             if goal[0] != aimed[0] or goal[1] != aimed[1]:
                 aim(p, goal[0], goal[1], wanted)
                 aimed[:] = goal
-            move_servos(p, wanted, h, state)
+            move_servos(p, laws, wanted, h, state)
             for a in range(2):
                 for j in range(SERVOS):
                     state[ANGLE + j] += reach[a] * more[a] * slopes[j, a]
@@ -268,7 +272,7 @@ class Answers:
     """The last few `answers`: most of what a fit moves lies behind the servos."""
 
     def __init__(self) -> None:
-        self._kept: list[tuple[bytes, np.ndarray, np.ndarray, tuple[np.ndarray, np.ndarray]]] = []
+        self._kept = LastResults()
 
     def of(
         self, p: np.record, t_s: np.ndarray, told_rad: np.ndarray
@@ -277,10 +281,4 @@ class Answers:
         front = p.copy()
         for name in BEHIND:
             front[name] = np.zeros_like(front[name])
-        key = front.tobytes()
-        for kept in self._kept:
-            if kept[1] is t_s and kept[2] is told_rad and kept[0] == key:
-                return kept[3]
-        found = answers(p, t_s, told_rad)
-        self._kept = [*self._kept[1 - KEPT :], (key, t_s, told_rad, found)]
-        return found
+        return self._kept.of(front.tobytes(), (t_s, told_rad), lambda: answers(p, t_s, told_rad))

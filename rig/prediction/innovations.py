@@ -20,6 +20,7 @@ from rig.plant.plant_record import pack
 from rig.plant.position_servo import THREE_ARMS, servos_at_level
 from rig.prediction.ball import LONGEST_GAP_S, look_ahead, predict_ball
 from rig.prediction.commanded import Answers, predict_told_arms, predict_told_axis
+from rig.prediction.last_results import LastResults
 from rig.prediction.servo import predict_axis
 
 # The volts of a missing row are not known, and a servo predicted through many of them is taken to
@@ -48,7 +49,8 @@ class Signals:
     servos' angles are taken as they are read;
     told_rad (n, 2), optional: angles told to servos that take them and whose angle nobody measures;
     the ball is then predicted from their answer, and theta_rad is no more than a guess of it;
-    answered: the last of these answers; commanded: the servos read their angle back, and `volts_V`
+    answered: the last of these answers; tilts: the last innovations of a plate on three arms, which
+    both axes share; commanded: the servos read their angle back, and `volts_V`
     holds the angles that they are told [rad] (`read_back`); outliers: exposures that are left out
     because the ball cannot have been where they tell it.
     """
@@ -64,6 +66,7 @@ class Signals:
     resumed: np.ndarray | None = None
     told_rad: np.ndarray | None = None
     answered: Answers = field(default_factory=Answers)
+    tilts: LastResults = field(default_factory=LastResults)
     commanded: bool = False
     outliers: int = 0
 
@@ -209,15 +212,13 @@ def servo_innovations(
     seen = [known.has_servo(a) for a in (0, 1)]
     arms = known.commanded and p["linkage"] == THREE_ARMS
     if arms and any(seen):
-        state, tau = servos_at_level(p), np.array(time_constant_s)
         told = np.array(seen), corrected, resumed
-        predict_told_arms(p, levels, *read, *told, tau, state, out, std)
-    for a in (0, 1):
-        if a not in axes:
-            out[:, a] = std[:, a] = np.nan
-        elif not seen[a] or arms:
+        both = _arms_innovations(p, known, levels, told, np.array(time_constant_s))
+        out[:, axes], std[:, axes] = both[0][:, axes], both[1][:, axes]
+    for a in axes:
+        if not seen[a] or arms:
             continue
-        elif known.commanded:
+        if known.commanded:
             tau_s = time_constant_s[a]
             predict_told_axis(p, levels, a, *read, corrected, resumed, tau_s, out, std)
         else:
@@ -225,6 +226,26 @@ def servo_innovations(
             seen_ball = known.ball_at_ticks_m
             predict_axis(p, levels, a, *read, seen_ball, corrected, resumed, *motor, out, std)
     return out, std
+
+
+def _arms_innovations(
+    p: np.record,
+    known: Signals,
+    levels: np.record,
+    rows: tuple[np.ndarray, np.ndarray, np.ndarray],
+    tau_s: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
+    """As `servo_innovations`, of the tilts of a plate on three arms: `known.tilts`. rows: axes that
+    were read (2,), ticks that correct and that resume (n,)."""
+    read = known.t_s, known.volts_V, known.theta_rad
+
+    def predicted() -> tuple[np.ndarray, np.ndarray]:
+        out, std = np.full(known.theta_rad.shape, np.nan), np.full(known.theta_rad.shape, np.nan)
+        predict_told_arms(p, levels, *read, *rows, tau_s, servos_at_level(p), out, std)
+        return out, std
+
+    key = b"".join(part.tobytes() for part in (p, levels, tau_s, *rows))
+    return known.tilts.of(key, read, predicted)
 
 
 def ball_innovations(
