@@ -51,9 +51,9 @@ def _sines(p, plate_x, plate_y):
 
 @inlined
 def _angle(theta, t, k, a, when):
-    """Encoder angle between ticks, straight [rad]."""
+    """Encoder angle between ticks, straight, and before the first as it was in that [rad]."""
     low = theta[k, a]
-    if k + 1 >= theta.shape[0]:
+    if k + 1 >= theta.shape[0] or when <= t[k]:
         return low
     return low + (theta[k + 1, a] - low) * (when - t[k]) / (t[k + 1] - t[k])
 
@@ -201,9 +201,11 @@ def predict_ball(p, levels, t, theta, exposed, ball, fresh, longest_gap_s, out, 
     p: record PLANT; levels: record NOISE; t (n,) [s] and theta (n, 2) [rad]: ticks and encoder
     angles; exposed (m,) [s] and ball (m, 2) [m]: observations, NaN where unseen. The filter starts
     anew where `fresh` (m,) is true (after a push, in another run) and where the ball was unseen for
-    longer than `longest_gap_s`; rows without a prediction keep what they held. A ball whose centre
-    lies `camera_height` higher than the log's maker took it to be is seen too far down the tilt, by
-    that height times its sine.
+    longer than `longest_gap_s`; rows without a prediction keep what they held. Before the first
+    tick the plate is at rest: were what was exposed before left out, the filter would begin with
+    another observation for another delay of the camera, and all of its first second change. A ball
+    whose centre lies `camera_height` higher than the log's maker took it to be is seen too far down
+    the tilt, by that height times its sine.
     """
     s, plate, sines = np.zeros(5), np.zeros(4), np.zeros(2)
     noise, c, g = np.zeros(2), np.zeros(6), np.zeros(3)
@@ -214,7 +216,7 @@ def predict_ball(p, levels, t, theta, exposed, ball, fresh, longest_gap_s, out, 
     now, started, k = 0.0, False, 0
     for i in range(exposed.shape[0]):
         end = exposed[i] - extra
-        if end < t[0] or not (ball[i, 0] - ball[i, 0] == 0.0 and ball[i, 1] - ball[i, 1] == 0.0):
+        if not (ball[i, 0] - ball[i, 0] == 0.0 and ball[i, 1] - ball[i, 1] == 0.0):
             continue
         z_x, z_y = equations.camera_unmap(ball[i, 0], ball[i, 1], scale, yaw, k1)
         if not started or fresh[i] or end - now > longest_gap_s:

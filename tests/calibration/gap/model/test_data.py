@@ -81,3 +81,21 @@ def test_behind_a_hole_servos_that_take_volts_count_at_once():
     t_s = holed.times("servo_x")[0]
     behind = (t_s >= rows[1000, 0]) & (t_s < rows[1000, 0] + UNTOLD_S)
     assert np.mean(holed.masks["servo_x"][behind] > 0) > 0.9
+
+
+@pytest.mark.parametrize("delay_s", [-0.019, 0.0, 0.1213, 0.238, 0.3999 - 1e-3])
+def test_no_frame_of_the_beginning_comes_or_goes_with_the_delay_that_is_tried(
+    delay_s: float, tmp_path: Path
+):
+    """The first residuals of a filter that begins with another frame are others altogether: such a
+    secant outweighed all the rest of a log."""
+    columns, rig, _ = WORLDS["late_camera_250ms_at_60hz"](3930)
+    (tmp_path / "rig.toml").write_text(rig, "utf-8")
+    table = read_rig(tmp_path / "rig.toml")
+    seen = evidence_of(Log.from_columns(columns), rig=table)
+    nominal = NominalModel(table, load_friction=False)
+    here, beyond = (
+        seen.roll(nominal.model({"camera_delay.extra_s.xy": delay_s + more_s}), "ball").z
+        for more_s in (0.0, 1e-3)
+    )
+    assert np.max(np.abs(beyond - here)[seen.masks["ball"] > 0]) < 0.5
