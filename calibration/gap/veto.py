@@ -37,13 +37,14 @@ Errors are bounded at the OUTLIER_SHARE quantile of the model without, so that a
 recorded does not decide; for harm at OUTLIER_RATIO times that as well, where D < -SURE_Z se, since
 a wrong name may fail seldom and by much. A name that is refuted leaves the model. Nothing is
 missing where no name is left, those of every output do harm by rule 1, and a flexible model
-predicts no more than the model without them (`calibration.gap.specification`). Where none is left,
-or a rival predicted better, the naming is repeated without those that were refuted, at most
-MAX_ROUNDS times: the imitation may have kept the right one out.
+predicts no more than the model without them (`calibration.gap.specification`). What is left is
+judged again: it has to stand without it. Where none is left, or a rival predicted better, or others
+fell with the first that were refuted, the naming is repeated without these, at most MAX_ROUNDS
+times: the imitation may have kept the right one out.
 """
 
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -133,9 +134,9 @@ def _beside_refuted(decision: Decision, first: Decision) -> tuple[Decision, tupl
 
 
 def judge(decision: Decision) -> tuple[Decision, list[str], tuple[str, ...]]:
-    """The decision without the names that the held-out data refute, those of them that a rival
-    outdoes, and the reasons in words."""
-    accepted, state, reasons = decision.accepted, decision.state, []
+    """The decision without the names that the held-out data refute, those of them without which the
+    naming is to be repeated, and the reasons in words."""
+    accepted, state = decision.accepted, decision.state
     if not accepted:
         return decision, [], ()
     known = state.nominal.catalogue
@@ -144,54 +145,81 @@ def judge(decision: Decision) -> tuple[Decision, list[str], tuple[str, ...]]:
     after = held_out(state, outputs)
     for one in accepted:
         if worse := harmed_axes(decision, one, after):
-            told, outdone, more = judge(_off_axes(decision, one, worse))
-            return told, outdone, (*worse.values(), *more)
+            told, barred, more = judge(_off_axes(decision, one, worse))
+            return told, barred, (*worse.values(), *more)
     bare = drop_effects(state, [key for one in accepted for key in keys_of_name(one)])
     begun = replace(decision.naming.before, evidence=state.evidence)
     before = _better(held_out(bare, outputs), held_out(begun, outputs))
     alone = plain(state)
     complete = {output: completeness(plain(bare), alone, output) for output in outputs}
+    tried = _Tried(alone, deviations(alone), before, after, complete)
+    lost, outdone, reasons = _refuted(decision, tried)
+    if lost or outdone:
+        all_harm = all(o in after and harmed(before[o], after[o]) for o in outputs)
+        left = _without(decision, [*lost, *outdone], all_harm=all_harm)
+        return _judged_again(left, lost, outdone, reasons)
+    kept, doubts = _doubted(decision, tried)
+    return _with(decision, kept), [], tuple(doubts)
+
+
+@dataclass(frozen=True, eq=False)
+class _Tried:
+    """What names are judged by: the state without the unnamed term and the spread of its
+    parameters, by output the predictions without all names and with them, and their completeness
+    (`calibration.gap.specification`)."""
+
+    alone: State
+    spread: Mapping[str, Spread]
+    before: dict[str, Prediction]
+    after: dict[str, Prediction]
+    complete: Mapping[str, float]
+
+
+def _refuted(decision: Decision, tried: _Tried) -> tuple[list[Accepted], list[Accepted], list[str]]:
+    """The names that rules 1 to 3 and 6 refute, those that a rival outdoes by rule 4, and the
+    reasons in words."""
+    accepted, known = decision.accepted, decision.state.nominal.catalogue
     lost: list[Accepted] = []
-    spread = deviations(alone)
+    reasons: list[str] = []
     for one in accepted:
-        if reason := _not_a_size(alone, one, spread):
+        if reason := _not_a_size(tried.alone, one, tried.spread):
             lost.append(one)
             reasons.append(f"not named: {one.name}: {reason}")
-    for output in outputs:
+    for output, share in tried.complete.items():
         here = [
             one for one in accepted if output in outputs_of_name(one, known) and one not in lost
         ]
-        reason = harm(output, before[output], after[output]) if output in after else ""
-        if reason and rival_stands(here, output, before):
+        reason = ""
+        if output in tried.after:
+            reason = harm(output, tried.before[output], tried.after[output])
+        if reason and rival_stands(here, output, tried.before):
             reason = ""
-        reason = reason or _incomplete(output, complete[output])
+        reason = reason or _incomplete(output, share)
         if reason and here:
             lost += here
             reasons.append(f"not named: {_names(here)}: {reason}")
     beside = bool(decision.unnamed or lost)
     for one in accepted if len(accepted) - len(lost) > 1 or beside else ():
-        if one not in lost and (reason := harm_of_one(decision, one, after, beside=beside)):
+        if one not in lost and (reason := harm_of_one(decision, one, tried.after, beside=beside)):
             lost.append(one)
             reasons.append(f"not named: {one.name}: {reason}")
     outdone = []
     for one in accepted:
-        if one not in lost and (reason := rival_is_better(one, after)):
+        if one not in lost and (reason := rival_is_better(one, tried.after)):
             outdone.append(one)
             reasons.append(f"not named: {one.name}: {reason}")
-    lost += outdone
-    sure, doubts = _doubted(alone, [one for one in accepted if one not in lost], complete, spread)
-    kept = [_capped(one, sure, known) for one in accepted if one not in lost]
-    reasons += doubts
-    for i, one in enumerate(kept):
-        weak = unproven(one, before, after, known) or _faint(alone, one, spread)
-        if reason := weak or _leans(decision, alone, one, kept):
-            kept[i] = replace(one, explained=min(one.explained, DOUBTED_PROBABILITY))
-            reasons.append(f"not certain: {one.name}: {reason}")
-    if not lost:
-        return _with(decision, kept), [], tuple(reasons)
-    all_harm = all(o in after and harmed(before[o], after[o]) for o in outputs)
-    left = _without(decision, tuple(kept), lost, all_harm=all_harm)
-    return left, [one.name for one in outdone], tuple(reasons)
+    return lost, outdone, reasons
+
+
+def _judged_again(
+    left: Decision, lost: Collection[Accepted], outdone: Collection[Accepted], reasons: list[str]
+) -> tuple[Decision, list[str], tuple[str, ...]]:
+    """`judge` of what is `left` without the names in `lost`: it has to stand without them. Where it
+    does not, the naming is to be repeated without these alone, as without those `outdone`."""
+    told, also, more = judge(left)
+    fell = len(told.accepted) < len(left.accepted)
+    barred = [one.name for one in outdone] + [one.name for one in lost if fell] + also
+    return told, barred, (*reasons, *more)
 
 
 def _better(one: dict[str, Prediction], other: dict[str, Prediction]) -> dict[str, Prediction]:
@@ -261,23 +289,27 @@ def _faint(state: State, one: Accepted, spread: Mapping[str, Spread]) -> str:
     return "its size is not beyond what so many tests reach by chance"
 
 
-def _doubted(
-    state: State,
-    accepted: list[Accepted],
-    complete: Mapping[str, float],
-    spread: Mapping[str, Spread],
-) -> tuple[dict[str, float], list[str]]:
-    """What bounds the probability of an output's names by rules 5 and 6, and rule 5 in words."""
-    sure, doubts = dict(complete), []
-    for one in accepted:
-        outputs = outputs_of_name(one, state.nominal.catalogue)
-        stands_in = another_response(state, one) or held_at_rest(state, one, accepted, spread)
-        for output in (o for o in outputs if o in state.evidence.outputs):
-            size = stands_in or inconstancy(state, one, output)
-            if reason := size or untimely(state, one, output):
+def _doubted(decision: Decision, tried: _Tried) -> tuple[list[Accepted], list[str]]:
+    """The names with what rules 5 to 7 and 9 leave of their probability, and why in words."""
+    alone, known = tried.alone, tried.alone.nominal.catalogue
+    sure, doubts = dict(tried.complete), []
+    for one in decision.accepted:
+        outputs = outputs_of_name(one, known)
+        stands_in = another_response(alone, one) or held_at_rest(
+            alone, one, decision.accepted, tried.spread
+        )
+        for output in (o for o in outputs if o in alone.evidence.outputs):
+            size = stands_in or inconstancy(alone, one, output)
+            if reason := size or untimely(alone, one, output):
                 sure[output] = min(sure[output], DOUBTED_PROBABILITY)
                 doubts.append(f"not certain: {one.name}: {reason}")
-    return sure, doubts
+    kept = [_capped(one, sure, known) for one in decision.accepted]
+    for i, one in enumerate(kept):
+        weak = unproven(one, tried.before, tried.after, known) or _faint(alone, one, tried.spread)
+        if reason := weak or _leans(decision, alone, one, kept):
+            kept[i] = replace(one, explained=min(one.explained, DOUBTED_PROBABILITY))
+            doubts.append(f"not certain: {one.name}: {reason}")
+    return kept, doubts
 
 
 def _incomplete(output: str, share: float) -> str:
@@ -302,11 +334,10 @@ def _capped(one: Accepted, share: Mapping[str, float], known: Mapping[str, Effec
     return replace(one, explained=min(shares, default=1.0))
 
 
-def _without(
-    decision: Decision, kept: tuple[Accepted, ...], lost: list[Accepted], *, all_harm: bool
-) -> Decision:
-    """The decision with the names `kept`, and those in `lost` back inside their tolerances;
-    `all_harm`: on each of their outputs the names do harm."""
+def _without(decision: Decision, lost: Collection[Accepted], *, all_harm: bool) -> Decision:
+    """The decision without the names in `lost`, which are back inside their tolerances; `all_harm`:
+    on each of their outputs the names do harm."""
+    kept = tuple(one for one in decision.accepted if one not in lost)
     keys = [key for one in lost for key in keys_of_name(one)]
     state = drop_effects(decision.state, keys)
     unnamed, none = decision.unnamed, "undecided"

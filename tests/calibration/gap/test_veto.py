@@ -200,3 +200,28 @@ def test_beside_a_refuted_name_that_predicts_better_none_is_certain(monkeypatch,
     told, reasons = veto._beside_refuted(later, first)
     assert (told.accepted[0].probability > 0.9) == certain
     assert bool(reasons) != certain
+
+
+@pytest.mark.parametrize(
+    ("falls", "barred"), [((), ["cogging"]), (("dead_zone",), ["saturation", "cogging"])]
+)
+def test_what_a_refuted_name_leaves_has_to_stand_without_it(monkeypatch, falls, barred):
+    """`falls`: by the second judgement, which also finds a rival of a third one better."""
+    saturation, dead_zone = (Accepted(n, ("x",), 50.0, ()) for n in ("saturation", "dead_zone"))
+    left = Decision("named", None, (dead_zone,), None, with_friction())
+
+    def again(decision: Decision):
+        kept = tuple(one for one in decision.accepted if one.name not in falls)
+        return replace(decision, accepted=kept), ["cogging"], ("second",)
+
+    monkeypatch.setattr(veto, "judge", again)
+    told, without, reasons = veto._judged_again(left, [saturation], [], ["first"])
+    assert [one.name for one in told.accepted] == ([] if falls else ["dead_zone"])
+    assert (without, reasons) == (barred, ("first", "second"))
+
+
+def test_where_nothing_is_left_nothing_falls():
+    left = Decision("unknown-effect", None, (), None, with_friction())
+    saturation, rate = (Accepted(n, ("x",), 50.0, ()) for n in ("saturation", "gain_drift"))
+    told, without, reasons = veto._judged_again(left, [saturation], [rate], ["why"])
+    assert (told, without, reasons) == (left, ["gain_drift"], ("why",))
