@@ -23,7 +23,8 @@ BLOCK = 512  # bytes, in which a system counts what is on the disk
 HOLE_SHARE = 0.02  # chosen: what compresses to less holds no measurement
 STEP = 1 << 16  # bytes by which a file that grows is read; chosen: 200 rows of a run
 LONGEST_TOML = 1 << 20  # bytes; chosen: a hundred times a long rig file
-_UNITS = ("m", "kg", "s")  # of the names' ends, which are told where a number is too large
+_UNITS = ("m", "kg", "s")  # of the names' ends, which are told with a limit
+_LIMITS = ("less_than", "less_than_equal", "greater_than", "greater_than_equal")
 # A pipe that nobody writes to would be waited for, before one could see that it is a pipe.
 READS = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
 
@@ -61,7 +62,7 @@ def first_error_line(
         return str(cause)
     given = fault["input"]
     if isinstance(given, str | int | float):
-        unit = where.rpartition("_")[2] if fault["type"] == "less_than_equal" else ""
+        unit = where.rpartition("_")[2] if fault["type"] in _LIMITS else ""
         return f"{where} = {given!r}: {fault['msg']} {unit if unit in _UNITS else ''}".rstrip()
     return f"{where}: {fault['msg']}" if where else str(fault["msg"])
 

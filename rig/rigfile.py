@@ -123,7 +123,7 @@ def from_dict(data: dict[str, Any], own: Sequence[OwnEffect] = ()) -> Rig:
     known = (*SECTIONS, "control_rate_hz", "effects", "tolerances", "floors")
     for key in data:
         if key not in (*known, OWN_EFFECTS):
-            raise ValueError(f"unknown key '{key}'; {known_names(key, known)}")
+            raise ValueError(f"unknown key '{key}'; {_places(key) or known_names(key, known)}")
     rig = Rig()
     sections = {}
     for name in SECTIONS:
@@ -149,6 +149,15 @@ def from_dict(data: dict[str, Any], own: Sequence[OwnEffect] = ()) -> Rig:
     )
 
 
+def _places(key: str) -> str:
+    """Words on where a key or an effect belongs in a rig file; "" for one that is nowhere known."""
+    if key in effects.BY_NAME:
+        return f"an effect belongs in [effects.{key}]"
+    rig = Rig()
+    places = [s for s in SECTIONS if key in (f.name for f in dataclasses.fields(getattr(rig, s)))]
+    return f"it belongs in [{'] or ['.join(places)}]" if places else ""
+
+
 def _sizes(section: str, data: dict[str, Any], names: tuple[str, ...]) -> dict[str, float]:
     """section.NAME = number above zero, NAME one of `names`."""
     found = data.get(section, {})
@@ -169,7 +178,8 @@ def _section(name: str, default: Any, given: Any) -> Any:
     keys = [f.name for f in dataclasses.fields(default)]
     for key in given:
         if key not in keys:
-            raise ValueError(f"unknown key '{name}.{key}'; {known_names(key, keys)}")
+            words = _places(key) or known_names(key, keys)
+            raise ValueError(f"unknown key '{name}.{key}'; {words}")
     for axis in ("x", "y") if getattr(default, "by_axis", ()) else ():
         _check_axis(name, axis, default, given.get(axis, {}))
     return _validated(name, default, given)

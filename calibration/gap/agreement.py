@@ -26,6 +26,7 @@ from calibration.gap.model.intervals import Spread, deviations
 from calibration.gap.model.state import State
 from calibration.gap.prove import on
 from calibration.gap.report.findings_of_decision import parameters
+from calibration.gap.report.units import interval_words, key_words, parameter_unit
 from calibration.statistics import student_quantile
 
 
@@ -61,15 +62,15 @@ def sentences(found: Sequence[SizeByLog], logs: Sequence[str]) -> tuple[str, ...
     more than chance. `logs`: their names, one a run; without them they are numbered."""
     said = []
     for one in sorted(found, key=lambda one: one.agree):
+        unit = parameter_unit(one.name, one.key)
         told = [
-            f"{size.value:.3g} [{size.low:.3g}, {size.high:.3g}] in "
-            + (logs[i] if i < len(logs) else f"log {i + 1}")
+            f"{interval_words(size, *unit)} in {logs[i] if i < len(logs) else f'log {i + 1}'}"
             for i, size in enumerate(one.sizes)
             if size is not None
         ]
         head = "the logs agree" if one.agree else "the logs disagree"
         said += (
-            [f"{head}: {one.name} {one.axis} {one.key} is {', '.join(told)}"]
+            [f"{head}: {one.name}: {one.axis} {key_words(one.key)} is {', '.join(told)}"]
             if len(told) > 1
             else []
         )

@@ -66,7 +66,7 @@ def found_table(draft: Draft) -> list[list[str]]:
     if draft.level is not None:
         slope, gain = draft.level.slope_rad, draft.level.gain_m_s2
         add("plate's slope at zero", _DEG[1], *(value_words(slope.get(a), _DEG[0]) for a in AXES))
-        unit = "m/s² a rad"
+        unit = "m/s² per rad"
         add("ball's acceleration", unit, *(value_words(gain.get(a), 1.0) for a in AXES))
     for servo, names in ((draft.servo, _SERVO), (draft.position_servo, _POSITION_SERVO)):
         for key, (name, factor, unit) in names.items() if servo is not None else ():

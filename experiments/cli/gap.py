@@ -47,10 +47,17 @@ _DRAWN = "With --blind-trial or --demo: seed of what is drawn."
 Seed = Annotated[int | None, typer.Option(min=0, help=_DRAWN, rich_help_panel=DEMO)]
 _TRIALS = "Hide effects, find them, open the seal, score."
 BlindTrial = Annotated[bool, typer.Option("--blind-trial", help=_TRIALS, rich_help_panel=BLIND)]
-Trials = Annotated[int, typer.Option(min=1, help="So many with an effect.", rich_help_panel=BLIND)]
+Trials = Annotated[
+    int, typer.Option(min=1, help="How many trials have an effect.", rich_help_panel=BLIND)
+]
 Effects = Annotated[str, typer.Option(help="Only these, comma-separated.", rich_help_panel=BLIND)]
-Pairs = Annotated[bool, typer.Option("--pairs", help="Two at once.", rich_help_panel=BLIND)]
-Onto = Annotated[bool, typer.Option("--onto", help="Hide them in LOGS.", rich_help_panel=BLIND)]
+Pairs = Annotated[
+    bool, typer.Option("--pairs", help="Blind trials with two effects each.", rich_help_panel=BLIND)
+]
+Onto = Annotated[
+    bool,
+    typer.Option("--onto", help="Hide the effects of blind trials in LOGS.", rich_help_panel=BLIND),
+]
 Cluster = Annotated[
     str | None, typer.Option(help="Address of a Dask scheduler.", rich_help_panel=BLIND)
 ]
@@ -83,6 +90,8 @@ def gap(
     given = [*(logs or [])]
     if from_s and (blind_trial or not given):
         raise ValueError(f"--from {from_s:g}: is for LOG... that are files, and no trial's")
+    if (pairs or onto) and not blind_trial:
+        raise ValueError(f"--{'pairs' if pairs else 'onto'}: is for --blind-trial")
     if blind_trial:
         _blind(
             given,

@@ -33,7 +33,11 @@ def find_time(draft: Draft) -> None:
     else:
         column = said.get("column") or draft.stream.time or _time_column(draft)
         if column is None:
-            draft.doubt(["time"], "rate_hz", "no column is a clock (or state time.column)")
+            named = [name for name, hint in draft.hints.items() if hint.role == "time"]
+            why = "no column is a clock (or state time.column)"
+            if named:
+                why = f"{named[0]} is a time by its name, but does not grow (sort the rows)"
+            draft.doubt(["time"], "rate_hz", why)
             return
         draft.time = {"column": column, "session": draft.stream.session, **said}
         if "unit" not in said:
@@ -245,6 +249,9 @@ def doubt_what_is_missing(
     asked = any(doubt.place.startswith(("theta", "command")) for doubt in draft.doubts)
     if not angles and not asked:
         if not free:
-            raise BadFileError("no column can be an angle: none is left that changes")
+            raise BadFileError(
+                "no column can be an angle: none is left that changes; a log needs the servos' "
+                "angles, commanded or measured (--set command_x_rad.column=NAME, or theta_x_rad)"
+            )
         why = "no column is an angle by its name (commanded: command_x_rad, measured: theta_x_rad)"
         draft.doubt(["command_x_rad"], "column", why, *free[:8])

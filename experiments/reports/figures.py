@@ -18,6 +18,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.transforms import blended_transform_factory
 
 from experiments.analysis.samples import ball_samples, run_part
 from rig.log import Log, shown_angles
@@ -147,11 +148,13 @@ def servo_of_run(log: Log, colour: str) -> Figure:
 
 
 def _legend_above(axis: Axes) -> None:
-    """Curves fill the axes: their names stand above in a line, which may be wider than the axes."""
+    """Curves fill the axes: their names stand above in a line, which may be wider than the axes and
+    ends where the figure does."""
     axis.set_title(" ", fontsize=8)  # the line's room
     names = axis.legend(
         loc="lower right",
-        bbox_to_anchor=(1.0, 1.0),
+        bbox_to_anchor=(0.99, 1.0),
+        bbox_transform=blended_transform_factory(axis.figure.transFigure, axis.transAxes),
         ncols=3,
         fontsize=8,
         frameon=False,
@@ -355,7 +358,7 @@ def play_estimates(logs: Sequence[Log], truth_deg: Mapping[str, float]) -> Figur
 
     truth_deg: true play of the table for "gear" and "joint".
     """
-    figure, axes = plt.subplots(1, 2, figsize=(6.8, 2.8), sharex=True)
+    figure, axes = plt.subplots(1, 2, figsize=(6.8, 2.8), sharex=True, sharey=True)
     for axis, place in zip(axes, ("gear", "joint"), strict=True):
         for log in logs:
             run = run_part(log)
@@ -366,7 +369,7 @@ def play_estimates(logs: Sequence[Log], truth_deg: Mapping[str, float]) -> Figur
                 axis.plot(t, width, color=colour, lw=1, label=f"estimate {a}, ± 2 std")
                 axis.fill_between(t, width - 2 * std, width + 2 * std, color=colour, alpha=0.15)
         axis.axhline(truth_deg[place], color="k", ls=":", lw=1, label="true")
-        axis.set(xlabel="time from release [s]", ylim=(0.0, 2 * truth_deg[place] + 1))
+        axis.set(xlabel="time from release [s]", ylim=(0.0, 2 * max(truth_deg.values()) + 1))
         axis.set_title(f"{place} play", fontsize=9)
     axes[0].set_ylabel("full width [deg at the servo]")
     axes[0].legend(fontsize=9, loc="upper right")

@@ -57,7 +57,7 @@ class Outer(StrictModel):
         ({}, "key 'title' is missing; known: title, one, many, named"),
         (
             {"title": "a", "one": {"size_m": -1}},
-            "one.size_m = -1: Input should be greater than 0",
+            "one.size_m = -1: Input should be greater than 0 m",
         ),
         ({"title": ["a"]}, "title: Input should be a valid string"),
     ],

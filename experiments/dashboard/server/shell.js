@@ -42,6 +42,7 @@
   words.setAttribute("role", "status");
   const again = make("button", "rig-again", "Reload");
   const view = make("button", "rig-view", inView ? "All controls" : "Big view ↗");
+  view.classList.toggle("in-view", inView);
   view.title = inView ? "The whole dashboard, in this tab."
     : "Plate, numbers and curves for a projector or a phone, in a tab of its own.";
   view.onclick = () => inView ? location.assign(`${here}/`) : open(`${here}/view`, "_blank", "noopener");

@@ -46,6 +46,10 @@ def read_recording(path: Path) -> Recording:
         raise FileNotFoundError(f"{path} does not exist")
     if odd := _without_an_end(path):
         raise BadFileError(f"{odd} is no file but a pipe or a device, which may have no end")
+    if path.is_dir() and all((path / name).is_file() for name in ("run.json", "samples.mcap")):
+        raise BadFileError(
+            f"{path} is a run of the rig: rig gap, compare and report take it as it is"
+        )
     if path.is_dir():
         lerobot = (path / "meta" / "info.json").is_file()
         bag = is_bag(path)
@@ -54,8 +58,8 @@ def read_recording(path: Path) -> Recording:
         reader = READERS.get(path.suffix.lower())
     if reader is None:
         raise BadFileError(
-            f"{path}: no kind of recording that is known: {', '.join(READERS)}, the folder of a "
-            "LeRobot data set (with meta/info.json) or of a ROS 2 bag"
+            f"{path}: no kind of recording that is known: {', '.join(READERS)}, the folder "
+            "of a LeRobot data set (with meta/info.json) or of a ROS 2 bag"
         )
     try:
         with np.errstate(all="ignore"):  # damaged floats warn where they become doubles

@@ -34,7 +34,7 @@ def test_each_log_gives_its_own_size():
     assert [size.value for size in one.sizes if size] == pytest.approx([0.03, 0.03], abs=0.004)
     assert one.agree
     (said,) = sentences([one], ())
-    assert said.startswith("the logs agree: joint_backlash x play_rad is 0.0")
+    assert said.startswith("the logs agree: joint_backlash: x play is 1.")
     assert said.endswith("in log 2")
 
 
@@ -43,8 +43,8 @@ def test_a_table_that_changed_between_two_logs_is_told_with_both_sizes():
     sizes = [size.value for size in found[0].sizes if size]
     assert sizes == pytest.approx([0.02, 0.05], abs=0.005)
     (said,) = sentences(found, ("monday.csv", "friday.csv"))
-    assert said.startswith("the logs disagree: joint_backlash x play_rad is ")
-    assert "in monday.csv, " in said
+    assert said.startswith("the logs disagree: joint_backlash: x play is ")
+    assert "deg in monday.csv, " in said
     assert said.endswith("in friday.csv")
 
 

@@ -248,6 +248,13 @@ def test_bad_files_get_one_line(name: str, data: bytes, says: str, tmp_path: Pat
     assert len(str(caught.value)) < 600
 
 
+def test_a_run_of_the_rig_is_not_imported(tmp_path: Path):
+    for name in ("run.json", "samples.mcap"):
+        (tmp_path / name).touch()
+    with pytest.raises(BadFileError, match="is a run of the rig"):
+        read_recording(tmp_path)
+
+
 def test_numpy_files_without_pythons_objects(tmp_path: Path):
     np.savez(tmp_path / "a.npz", t=T, x=X, who=np.array([{"a": 1}], dtype=object), g=np.eye(3))
     assert set(columns(tmp_path / "a.npz")) == {"t", "x"}

@@ -175,3 +175,10 @@ def test_a_code_is_asked_for_axis_by_axis_and_must_be_there():
         propose(Stream(columns), stated(["ball.unit=mm", "ball.absent=-77.5"]))
     known = stated(["ball.unit=mm", "ball_x_m.absent=none", "ball_y_m.absent=none"])
     assert propose(Stream(columns), known).draft["signals"]["ball_x_m"]["absent"] == ()
+
+
+def test_a_time_that_runs_backwards_is_told_and_not_made_up():
+    t = np.arange(200) * 0.01
+    columns = {"t_s": t[::-1], "theta_x_rad": np.sin(5 * t), "ball_x_m": 0.05 * np.sin(3 * t)}
+    whys = [doubt.why for doubt in propose(Stream(columns)).doubts if doubt.place == "time"]
+    assert whys == ["t_s is a time by its name, but does not grow (sort the rows)"]

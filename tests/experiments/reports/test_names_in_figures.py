@@ -1,5 +1,6 @@
 """Names of runs in figures are shown as they are, whatever they would mean as mathematics."""
 
+from functools import partial
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -50,7 +51,10 @@ def test_the_eight_runs_are_named_as_the_paper_does_and_say_which_controller():
     ]
     assert set(ARMS.values()) <= set(words)
     assert not any("$" in word for word in words)
-    for over_time in (ball_over_time, servo_over_time):
+    in_panels = partial(
+        servo_over_time, panels=("(a)", "(b)")
+    )  # the letters make the axes narrower
+    for over_time in (ball_over_time, servo_over_time, in_panels):
         figure = over_time(log, log)
         (legend,) = [axis.get_legend() for axis in figure.axes if axis.get_legend()]
         figure.canvas.draw()
