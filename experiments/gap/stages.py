@@ -5,6 +5,7 @@ from math import isfinite, nan
 from pathlib import Path
 
 from calibration.gap.findings import UNITS, Findings
+from calibration.gap.prove import OUTLIER_Z
 from calibration.gap.report.units import effect_words, shown_unit, sig
 from experiments.gap import figures
 from experiments.gap.words import (
@@ -59,7 +60,10 @@ def locate_stage(found: Findings, folder: Path) -> Section:
     moments = [p for p in found.profiles if p.quantity == "time"]
     states = [p for p in found.profiles if p.quantity != "time"]
     if moments:
-        caption = "The gap over time: a steady gap is a steady cause, a burst is an event."
+        caption = (
+            "The gap over time: a steady gap is a steady cause, a burst is an event. Errors beyond "
+            f"{OUTLIER_Z:.0f} of their expected deviations, which the table leaves out, count here."
+        )
         blocks.append(picture(figures.over_time(moments), folder, "gap-over-time", caption))
     for side in ("servo", "ball"):
         mine = [p for p in states if p.channel.startswith(side)]
