@@ -220,19 +220,29 @@ def servo_laws(p, h):
 def moved_servo(p, law, wanted, angle, rate, h):
     """Angle [rad] and rate [rad/s] of a servo after h [s] towards the angle `wanted` [rad]; law: of
     `servo_law`."""
-    rate = next_rate(command_dead_band(wanted - angle, law[0]), rate, law[1], h)
+    band, of_rate = law
+    rate = next_rate(command_dead_band(wanted - angle, band), rate, of_rate, h)
     turned = angle + h * rate
     rate = rate if abs(turned) <= p.stop_rad else 0.0
     return min(max(turned, -p.stop_rad), p.stop_rad), rate
 
 
 @inlined
+def _move(p, i, law, wanted, h, state):
+    """Move servo i on by h [s] towards its angle wanted[i] [rad]; law: of `servo_law`."""
+    angle, rate = moved_servo(p, law, wanted[i], state[ANGLE + i], state[RATE + i], h)
+    state[ANGLE + i], state[RATE + i] = angle, rate
+
+
+@inlined
 def move_servos(p, laws, wanted, h, state):
     """Move the servos on by h [s] towards the angles `wanted` (SERVOS,) [rad], in place; laws: of
     `servo_laws`."""
-    for i in range(SERVOS if p.linkage == THREE_ARMS else 2):
-        angle, rate = moved_servo(p, laws[i], wanted[i], state[ANGLE + i], state[RATE + i], h)
-        state[ANGLE + i], state[RATE + i] = angle, rate
+    first, second, third = laws
+    _move(p, 0, first, wanted, h, state)
+    _move(p, 1, second, wanted, h, state)
+    if p.linkage == THREE_ARMS:
+        _move(p, 2, third, wanted, h, state)
 
 
 @compiled

@@ -37,7 +37,7 @@ def test_every_quantity_is_a_row_with_its_unit_and_both_axes():
     )
     assert found_table(draft) == [
         ["plate's slope at zero [°]", "0.50 ± 0.10", "0.0 ± 0.2"],
-        ["ball's acceleration [m/s² a rad]", "0.70 ± 0.10", "0.80 ± 0.10"],
+        ["ball's acceleration [m/s² per rad]", "0.70 ± 0.10", "0.80 ± 0.10"],
         ["play: gear and joint [°]", "0.50 ± 0.10", "-"],
     ]
     assert all(len(row) == len(HEAD) for row in found_table(draft))
