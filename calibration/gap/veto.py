@@ -37,8 +37,8 @@ Errors are bounded at the OUTLIER_SHARE quantile of the model without, so that a
 recorded does not decide; for harm at OUTLIER_RATIO times that as well, where D < -SURE_Z se, since
 a wrong name may fail seldom and by much. A name that is refuted leaves the model. Nothing is
 missing where no name is left, those of every output do harm by rule 1, and a flexible model
-predicts no more than the model without them (`calibration.gap.specification`). What is left is
-judged again: it has to stand without it. Where none is left, or a rival predicted better, or others
+predicts no more than the model without them (`calibration.gap.specification`). What is left has to
+stand without it by rules 1 to 4 and 6. Where none is left, or a rival predicted better, or others
 fell with the first that were refuted, the naming is repeated without these, at most MAX_ROUNDS
 times: the imitation may have kept the right one out.
 """
@@ -135,31 +135,42 @@ def _beside_refuted(decision: Decision, first: Decision) -> tuple[Decision, tupl
 
 def judge(decision: Decision) -> tuple[Decision, list[str], tuple[str, ...]]:
     """The decision without the names that the held-out data refute, those of them without which the
-    naming is to be repeated, and the reasons in words."""
-    accepted, state = decision.accepted, decision.state
-    if not accepted:
+    naming is to be repeated, and the reasons in words.
+
+    What is left is doubted beside all that was found, which takes up what no name explains, and has
+    to stand without what was refuted.
+    """
+    if not decision.accepted:
         return decision, [], ()
-    known = state.nominal.catalogue
-    acting = {output for one in accepted for output in outputs_of_name(one, known)}
-    outputs = [o for o in state.evidence.outputs if o in acting]
-    after = held_out(state, outputs)
-    for one in accepted:
-        if worse := harmed_axes(decision, one, after):
+    tried = _try(decision)
+    for one in decision.accepted:
+        if worse := harmed_axes(decision, one, tried.after):
             told, barred, more = judge(_off_axes(decision, one, worse))
             return told, barred, (*worse.values(), *more)
-    bare = drop_effects(state, [key for one in accepted for key in keys_of_name(one)])
-    begun = replace(decision.naming.before, evidence=state.evidence)
-    before = _better(held_out(bare, outputs), held_out(begun, outputs))
-    alone = plain(state)
-    complete = {output: completeness(plain(bare), alone, output) for output in outputs}
-    tried = _Tried(alone, deviations(alone), before, after, complete)
     lost, outdone, reasons = _refuted(decision, tried)
-    if lost or outdone:
-        all_harm = all(o in after and harmed(before[o], after[o]) for o in outputs)
-        left = _without(decision, [*lost, *outdone], all_harm=all_harm)
-        return _judged_again(left, lost, outdone, reasons)
-    kept, doubts = _doubted(decision, tried)
-    return _with(decision, kept), [], tuple(doubts)
+    gone = [*lost, *outdone]
+    standing = tuple(one for one in decision.accepted if one not in gone)
+    kept, doubts = _doubted(replace(decision, accepted=standing), tried)
+    if not gone:
+        return _with(decision, kept), [], tuple(doubts)
+    doubted = replace(decision, accepted=(*kept, *gone))
+    left, more = _standing(_without(doubted, gone, all_harm=tried.all_harm))
+    fell = len(left.accepted) < len(kept)
+    barred = [one.name for one in outdone] + [one.name for one in lost if fell]
+    return left, barred, (*reasons, *doubts, *more)
+
+
+def _standing(left: Decision) -> tuple[Decision, tuple[str, ...]]:
+    """What is left of a decision by rules 1 to 4 and 6, again and again, and the reasons in
+    words."""
+    if not left.accepted:
+        return left, ()
+    tried = _try(left)
+    lost, outdone, reasons = _refuted(left, tried)
+    if not (lost or outdone):
+        return left, ()
+    less, more = _standing(_without(left, [*lost, *outdone], all_harm=tried.all_harm))
+    return less, (*reasons, *more)
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,6 +184,26 @@ class _Tried:
     before: dict[str, Prediction]
     after: dict[str, Prediction]
     complete: Mapping[str, float]
+
+    @property
+    def all_harm(self) -> bool:
+        """Whether the names do harm on each of their outputs."""
+        before, after = self.before, self.after
+        return all(o in after and harmed(before[o], after[o]) for o in self.complete)
+
+
+def _try(decision: Decision) -> _Tried:
+    state = decision.state
+    known = state.nominal.catalogue
+    acting = {output for one in decision.accepted for output in outputs_of_name(one, known)}
+    outputs = [o for o in state.evidence.outputs if o in acting]
+    after = held_out(state, outputs)
+    bare = drop_effects(state, [key for one in decision.accepted for key in keys_of_name(one)])
+    begun = replace(decision.naming.before, evidence=state.evidence)
+    before = _better(held_out(bare, outputs), held_out(begun, outputs))
+    alone = plain(state)
+    complete = {output: completeness(plain(bare), alone, output) for output in outputs}
+    return _Tried(alone, deviations(alone), before, after, complete)
 
 
 def _refuted(decision: Decision, tried: _Tried) -> tuple[list[Accepted], list[Accepted], list[str]]:
@@ -209,17 +240,6 @@ def _refuted(decision: Decision, tried: _Tried) -> tuple[list[Accepted], list[Ac
             outdone.append(one)
             reasons.append(f"not named: {one.name}: {reason}")
     return lost, outdone, reasons
-
-
-def _judged_again(
-    left: Decision, lost: Collection[Accepted], outdone: Collection[Accepted], reasons: list[str]
-) -> tuple[Decision, list[str], tuple[str, ...]]:
-    """`judge` of what is `left` without the names in `lost`: it has to stand without them. Where it
-    does not, the naming is to be repeated without these alone, as without those `outdone`."""
-    told, also, more = judge(left)
-    fell = len(told.accepted) < len(left.accepted)
-    barred = [one.name for one in outdone] + [one.name for one in lost if fell] + also
-    return told, barred, (*reasons, *more)
 
 
 def _better(one: dict[str, Prediction], other: dict[str, Prediction]) -> dict[str, Prediction]:

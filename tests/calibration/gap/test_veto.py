@@ -202,26 +202,34 @@ def test_beside_a_refuted_name_that_predicts_better_none_is_certain(monkeypatch,
     assert bool(reasons) != certain
 
 
-@pytest.mark.parametrize(
-    ("falls", "barred"), [((), ["cogging"]), (("dead_zone",), ["saturation", "cogging"])]
-)
-def test_what_a_refuted_name_leaves_has_to_stand_without_it(monkeypatch, falls, barred):
-    """`falls`: by the second judgement, which also finds a rival of a third one better."""
-    saturation, dead_zone = (Accepted(n, ("x",), 50.0, ()) for n in ("saturation", "dead_zone"))
-    left = Decision("named", None, (dead_zone,), None, with_friction())
+@pytest.mark.parametrize("falls", [False, True])
+def test_what_a_refuted_name_leaves_has_to_stand_without_it(monkeypatch, falls: bool):
+    """A saturation is refuted at once; whether the friction falls, too, is asked without it."""
+    friction, saturation = (
+        Accepted(n, ("x",), 50.0, ()) for n in ("coulomb_friction", "saturation")
+    )
+    decision = Decision("named", None, (friction, saturation), None, with_friction())
+    asked: list[set[str]] = []
 
-    def again(decision: Decision):
-        kept = tuple(one for one in decision.accepted if one.name not in falls)
-        return replace(decision, accepted=kept), ["cogging"], ("second",)
+    def refuted(one: Decision, tried: object):
+        asked.append({name.name for name in one.accepted})
+        gone = [name for name in one.accepted if name.name == "saturation"]
+        gone = gone or list(one.accepted if falls else ())
+        return gone, [], [f"not named: {name.name}" for name in gone]
 
-    monkeypatch.setattr(veto, "judge", again)
-    told, without, reasons = veto._judged_again(left, [saturation], [], ["first"])
-    assert [one.name for one in told.accepted] == ([] if falls else ["dead_zone"])
-    assert (without, reasons) == (barred, ("first", "second"))
-
-
-def test_where_nothing_is_left_nothing_falls():
-    left = Decision("unknown-effect", None, (), None, with_friction())
-    saturation, rate = (Accepted(n, ("x",), 50.0, ()) for n in ("saturation", "gain_drift"))
-    told, without, reasons = veto._judged_again(left, [saturation], [rate], ["why"])
-    assert (told, without, reasons) == (left, ["gain_drift"], ("why",))
+    monkeypatch.setattr(veto, "_try", lambda decision: veto._Tried(None, {}, {}, {}, {}))
+    monkeypatch.setattr(veto, "_refuted", refuted)
+    monkeypatch.setattr(veto, "_doubted", lambda decision, tried: (list(decision.accepted), []))
+    monkeypatch.setattr(
+        veto,
+        "_without",
+        lambda decision, lost, all_harm: replace(
+            decision, accepted=tuple(one for one in decision.accepted if one not in lost)
+        ),
+    )
+    told, barred, reasons = judge(decision)
+    assert asked == [{"coulomb_friction", "saturation"}, {"coulomb_friction"}]
+    assert [one.name for one in told.accepted] == ([] if falls else ["coulomb_friction"])
+    # The naming is repeated without what was refuted at once alone.
+    assert barred == (["saturation"] if falls else [])
+    assert len(reasons) == 1 + falls
