@@ -23,7 +23,24 @@ BLOCK = 512  # bytes, in which a system counts what is on the disk
 HOLE_SHARE = 0.02  # chosen: what compresses to less holds no measurement
 STEP = 1 << 16  # bytes by which a file that grows is read; chosen: 200 rows of a run
 LONGEST_TOML = 1 << 20  # bytes; chosen: a hundred times a long rig file
-_UNITS = ("m", "kg", "s")  # of the names' ends, which are told with a limit
+# Ends of names and their units, which are told with a limit; the first that fits, so the longest.
+_UNITS = {
+    "rad_s_V": "rad/s/V",
+    "rad_m_s": "rad/m/s",
+    "rad_s2": "rad/s2",
+    "rad_s": "rad/s",
+    "nm_s": "N m s",
+    "m_s2": "m/s2",
+    "m_s": "m/s",
+    "1_s": "1/s",
+    "nm": "N m",
+    "hz": "Hz",
+    "rad": "rad",
+    "kg": "kg",
+    "m": "m",
+    "s": "s",
+    "V": "V",
+}
 _LIMITS = ("less_than", "less_than_equal", "greater_than", "greater_than_equal")
 # A pipe that nobody writes to would be waited for, before one could see that it is a pipe.
 READS = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
@@ -62,8 +79,9 @@ def first_error_line(
         return str(cause)
     given = fault["input"]
     if isinstance(given, str | int | float):
-        unit = where.rpartition("_")[2] if fault["type"] in _LIMITS else ""
-        return f"{where} = {given!r}: {fault['msg']} {unit if unit in _UNITS else ''}".rstrip()
+        unit = next((u for end, u in _UNITS.items() if where.endswith(f"_{end}")), "")
+        unit = unit if fault["type"] in _LIMITS else ""
+        return f"{where} = {given!r}: {fault['msg']} {unit}".rstrip()
     return f"{where}: {fault['msg']}" if where else str(fault["msg"])
 
 

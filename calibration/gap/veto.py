@@ -193,6 +193,7 @@ class _Tried:
 
 
 def _try(decision: Decision) -> _Tried:
+    """Fit and predict what the names of a decision are judged by."""
     state = decision.state
     known = state.nominal.catalogue
     acting = {output for one in decision.accepted for output in outputs_of_name(one, known)}

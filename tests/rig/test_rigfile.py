@@ -73,6 +73,8 @@ def test_the_shipped_table_survives_writing(tmp_path: Path):
         ("[servo]\nmass_kg = 0.1", ["unknown key 'servo.mass_kg'", "it belongs in [ball]"]),
         ("[gear_backlash]\nx.play_rad = 0.1", ["belongs in [effects.gear_backlash]"]),
         ("[linkage]\nplate_side_m = 0", ["plate_side_m = 0", "greater than 0.0001 m"]),
+        ("[servo]\nrate_limit_rad_s = -1", ["rate_limit_rad_s = -1", "greater than 0 rad/s"]),
+        ("[servo]\ngain_rad_s_V = -1", ["gain_rad_s_V = -1", "greater than 0 rad/s/V"]),
         ("[ball]\nradius_m = 0.2", ["radius_m", "0.1375", "does not fit"]),
         ("[ball]\nradius_m = -0.01", ["ball.radius_m = -0.01", "greater than 0"]),
         ("[ball]\nradius_m = 1e-300", ["ball.radius_m = 1e-300", "greater than 0.0001"]),

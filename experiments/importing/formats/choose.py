@@ -46,11 +46,9 @@ def read_recording(path: Path) -> Recording:
         raise FileNotFoundError(f"{path} does not exist")
     if odd := _without_an_end(path):
         raise BadFileError(f"{odd} is no file but a pipe or a device, which may have no end")
-    if path.is_dir() and all((path / name).is_file() for name in ("run.json", "samples.mcap")):
-        raise BadFileError(
-            f"{path} is a run of the rig: rig gap, compare and report take it as it is"
-        )
     if path.is_dir():
+        if all((path / name).is_file() for name in ("run.json", "samples.mcap")):
+            raise BadFileError(f"{path} is a run of the rig: rig gap and report take it as it is")
         lerobot = (path / "meta" / "info.json").is_file()
         bag = is_bag(path)
         reader = read_lerobot if lerobot else read_bag if bag else None

@@ -51,9 +51,8 @@ def test_the_eight_runs_are_named_as_the_paper_does_and_say_which_controller():
     ]
     assert set(ARMS.values()) <= set(words)
     assert not any("$" in word for word in words)
-    in_panels = partial(
-        servo_over_time, panels=("(a)", "(b)")
-    )  # the letters make the axes narrower
+    # Letters of panels make the axes narrower.
+    in_panels = partial(servo_over_time, panels=("(a)", "(b)"))
     for over_time in (ball_over_time, servo_over_time, in_panels):
         figure = over_time(log, log)
         (legend,) = [axis.get_legend() for axis in figure.axes if axis.get_legend()]
