@@ -8,6 +8,7 @@ import pytest
 
 from tests.support import ROOT
 from tests.support.worlds import WORLDS, logs
+from tests.support.worlds.belts import Belt, belt_step
 from tests.support.worlds.loops import run_axis, run_positions
 from tests.support.worlds.plant import G_m_s2, STEP_s, ball_step, servo_step
 from tests.support.worlds.score import outcome
@@ -263,3 +264,30 @@ SURE_DELAY, SURE_LENS = ("camera_delay", 1.0), ("lens_distortion", 0.95)
 )
 def test_how_an_answer_is_scored(expected, truth, answer):
     assert outcome(answer, truth) == expected
+
+
+def swung(belt: Belt, volts: float, seconds: float) -> np.ndarray:
+    """States (n, 4) of a servo with a belt under constant volts."""
+    state, path = np.zeros(4), []
+    for _ in range(int(seconds / h)):
+        belt_step(state, volts, belt, h)
+        path.append(state.copy())
+    return np.array(path)
+
+
+def test_behind_a_belt_both_masses_turn_with_the_motors_gain():
+    belt = Belt(0.3, 9.0, 0.1, friction_V=0.1)
+    end = swung(belt, 2.0, 3.0)[-1]
+    np.testing.assert_allclose(end[[1, 3]], belt.gain_rad_s_V * 1.9, rtol=1e-6)
+
+
+def test_an_arm_on_a_belt_swings_against_its_motor():
+    """Without the motor's damping at (w0^2/(1 - s))^1/2, the arm's own frequency being w0."""
+    belt = Belt(0.25, 9.0, 0.0, friction_V=0.0, tau_s=1e6)
+    state, twists = np.array([0.1, 0.0, 0.0, 0.0]), []
+    for _ in range(int(2.0 / h)):
+        belt_step(state, 0.0, belt, h)
+        twists.append(state[0] - state[2])
+    t = h * np.arange(1, len(twists) + 1)
+    expected = 0.1 * np.cos(2.0 * np.pi * 9.0 / np.sqrt(0.75) * t)
+    np.testing.assert_allclose(twists, expected, atol=0.002)

@@ -46,6 +46,7 @@ WORLDS = {
         strangers.slipping_encoder,
         strangers.pendulum,
         strangers.cable,
+        strangers.elastic_belt,
         strangers.fan,
         strangers.swaying_floor,
         strangers.slipping_ball,

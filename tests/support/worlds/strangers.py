@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from tests.support.worlds.belts import Belt, belt_log
 from tests.support.worlds.logs import World, axis_log, rig_toml, table_log, truth
 
 ROWS = 20000  # 40 s
@@ -45,6 +46,13 @@ def cable(seed: int) -> World:
     rng = np.random.default_rng(seed)
     columns = axis_log(rng, {"spring_V_rad": 3.0, "spring_from_rad": 0.1}, target_rad=0.6)
     return unknown(columns)
+
+
+def elastic_belt(seed: int) -> World:
+    """A quarter to a third of the inertia hangs behind a belt that swings at 6 to 12 Hz."""
+    rng = np.random.default_rng(seed)
+    belt = Belt(rng.uniform(0.25, 0.35), rng.uniform(6.0, 12.0), rng.uniform(0.03, 0.1))
+    return unknown(belt_log(rng, belt))
 
 
 def fan(seed: int) -> World:
