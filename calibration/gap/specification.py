@@ -35,7 +35,7 @@ from calibration.gap.model.cost import huber, weights
 from calibration.gap.model.fit import evaluate
 from calibration.gap.model.flexible import ball_regressors, servo_regressors, with_hats
 from calibration.gap.model.intervals import FALLING_HIGH, FIXED, Spread, blocks_of, interval
-from calibration.gap.model.parameters import BALL, FALL_KEY, SERVO
+from calibration.gap.model.parameters import BALL, CALIBRATED, FALL_KEY, SERVO
 from calibration.gap.model.state import State, outputs_of
 from calibration.gap.name.stepwise import Accepted
 from calibration.gap.prove import model_of
@@ -44,7 +44,12 @@ from calibration.gap.unnamed.basis import UnnamedTerm
 OFFSETS = ("level_offset", "voltage_offset")  # effects whose size is a constant
 JOINT = "joint_backlash"
 RIPPLE, RESISTANCE = "transmission_ripple", "rolling_resistance"
-ANSWERS = ("servo_lag", "servo_dead_time")  # by which a servo is late
+# By the effect that makes a servo late, the effect and key of what makes it late otherwise.
+LATE_OTHERWISE = {
+    "servo_lag": ("servo_dead_time", "delay_s"),
+    "servo_dead_time": ("servo_lag", "lag_s"),
+    "input_delay": ("", "time_constant_s"),
+}
 LEADS_S = (0.1, 0.2, 0.4)  # from a controller's first answer to most of it; chosen
 FOLD_S = 1.0  # of folds in turn: longer than a filter remembers, shorter than a hat; chosen
 FOLDS = 5  # four fifths of the seconds tell a fifth: the usual number of a cross-validation
@@ -93,23 +98,28 @@ def mean_of_a_map(one: Accepted, outputs: Collection[str], left: UnnamedTerm | N
 
 
 def another_response(state: State, one: Accepted) -> str:
-    """Why a servo's lag or dead time cannot be certain beside the other, in words; "" if it can.
+    """Why a servo's lag (of volts: the time constant of its motor) or dead time cannot be certain
+    beside the other, in words; "" if it can.
 
     Both make it late. Where one grows while the other falls, by all of its tolerance or more and by
     CANCELLED_SHARE of that growth, the servo is hardly later but answers otherwise: to first order
     in s, a dead time T beside a lag -T is nothing, to second what an elastic plate or drive does.
     """
-    if one.name not in ANSWERS:
+    if one.name not in LATE_OTHERWISE:
         return ""
-    (other,) = set(ANSWERS) - {one.name}
+    other, key = LATE_OTHERWISE[one.name]
     for axis in one.axes:
-        pair = [state.nominal.of(name, axis)[0] for name in (one.name, other)]
-        own, beside = (state.fit.setting.get(k.name, k.nominal) - k.nominal for k in pair)
-        edge = pair[1].tolerance - RANGE_END_STEPS * pair[1].step
-        if own * beside < 0.0 and abs(beside) >= max(edge, CANCELLED_SHARE * abs(own)) > 0.0:
+        late = state.nominal.of(one.name, axis)[0]
+        beside = next(k for k in state.nominal.of(other, axis) if k.key == key)
+        edge = beside.tolerance
+        if key in CALIBRATED:
+            edge = CALIBRATED[key] * beside.nominal
+        edge -= RANGE_END_STEPS * beside.step
+        own, fall = (state.fit.setting.get(k.name, k.nominal) - k.nominal for k in (late, beside))
+        if own * fall < 0.0 and abs(fall) >= max(edge, CANCELLED_SHARE * abs(own)) > 0.0:
             return (
-                f"on {axis} it stands beside a {other} of {1e3 * beside:+.0f} ms: the servo or the "
-                "plate answers otherwise, and may be elastic"
+                f"on {axis} it stands beside a {other or 'time constant'} of {1e3 * fall:+.0f} ms: "
+                "the servo or the plate answers otherwise, and may be elastic"
             )
     return ""
 

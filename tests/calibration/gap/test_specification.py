@@ -292,6 +292,30 @@ def test_a_servo_that_is_later_and_faster_at_once_answers_otherwise(
 
 
 @pytest.mark.parametrize(
+    ("delay_s", "faster_s", "doubted"),
+    [
+        (0.027, 0.0, False),
+        (0.027, -0.003, False),  # 12 %, more than its tolerance of 10 %, but little of 27 ms
+        (0.027, -0.018, True),
+        (0.027, 0.018, False),
+        (0.004, -0.002, False),  # half of the delay, but within the tolerance
+    ],
+)
+def test_a_motor_that_is_later_and_faster_at_once_answers_otherwise(
+    delay_s: float, faster_s: float, doubted: bool
+):
+    columns, _, _ = WORLDS["healthy_axis"](1)
+    log = Log.from_columns(columns)
+    state = released(evidence_of(log), ("input_delay", "x"))
+    tau = ".time_constant_s.x"
+    tau_s = state.nominal.parameters[tau].nominal
+    setting = state.fit.setting | {"input_delay.delay_s.x": delay_s, tau: tau_s + faster_s}
+    state = replace(state, fit=replace(state.fit, setting=setting))
+    one = Accepted("input_delay", ("x",), 100.0, ())
+    assert bool(another_response(state, one)) == doubted
+
+
+@pytest.mark.parametrize(
     ("phase_rad", "std", "beside", "doubted"),
     [
         (3.1, 0.001, "rolling_resistance", True),
