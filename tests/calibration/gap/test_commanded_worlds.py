@@ -11,6 +11,7 @@ from rig.rigfile import read_rig
 from tests.support.worlds import WORLDS, commanded
 from tests.support.worlds import angle_loops as loops
 from tests.support.worlds import angle_servos as servos
+from tests.support.worlds.loops import followed
 
 
 def test_a_step_is_answered_by_a_straight_way_and_an_exponential():
@@ -42,7 +43,7 @@ def test_an_elastic_plate_swings_about_where_its_rods_are():
     h, hz, damping = 1e-5, 4.0, servos.SWING_DAMPING_1
     path = []
     for _ in range(30000):
-        rate = loops.followed(rate, 0.1 - phi, hz, h)
+        rate = followed(rate, 0.1 - phi, hz, damping, h)
         phi += h * rate
         path.append(phi)
     w = 2.0 * pi * hz
@@ -50,7 +51,7 @@ def test_an_elastic_plate_swings_about_where_its_rods_are():
     t = h * (1.0 + np.arange(len(path)))
     swing = np.cos(free * t) + damping * w / free * np.sin(free * t)
     np.testing.assert_allclose(path, 0.1 * (1.0 - np.exp(-damping * w * t) * swing), atol=2e-4)
-    assert loops.followed(3.0, 0.002, 0.0, 0.001) == pytest.approx(2.0)
+    assert followed(3.0, 0.002, 0.0, damping, 0.001) == pytest.approx(2.0)
 
 
 def test_a_play_is_held_by_friction_or_laid_over_by_the_ball():

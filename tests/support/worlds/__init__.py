@@ -47,6 +47,7 @@ WORLDS = {
         strangers.pendulum,
         strangers.cable,
         strangers.elastic_belt,
+        strangers.twisting_plate,
         strangers.fan,
         strangers.swaying_floor,
         strangers.slipping_ball,

@@ -16,19 +16,10 @@ from tests.support.worlds.angle_servos import (
     rod_tilt,
     solve,
 )
-from tests.support.worlds.loops import look, wanted_angle
+from tests.support.worlds.loops import followed, look, wanted_angle
 from tests.support.worlds.plant import STEP_s, ball_step
 
 EACH = 4  # steps of the ball for one of the arms: 1 ms
-
-
-@njit(cache=True)
-def followed(rate, ahead, swing_hz, h):
-    """Rate after h of a plate, rigid or elastic, that has `ahead` to go to where its rods are."""
-    if swing_hz == 0.0:
-        return ahead / h
-    w = 2.0 * math.pi * swing_hz
-    return rate + h * (w * w * ahead - 2.0 * SWING_DAMPING_1 * w * rate)
 
 
 @njit(cache=True)
@@ -123,7 +114,7 @@ def run_commanded(b, mass_kg, s, f, level, loop, targets, push, noise):
                     tilt = plate[i]
                     if not f.three:
                         tilt = rod_tilt(plate[i], phi[i], f.arm_m, f.lever_m[i], f.rod_m)
-                    way[i] = followed(way[i], tilt - phi[i], s.swing_hz[i], span)
+                    way[i] = followed(way[i], tilt - phi[i], s.swing_hz[i], SWING_DAMPING_1, span)
             for i in range(2):
                 old[i] = rate[i]
                 rate[i] = way[i]

@@ -35,6 +35,8 @@ def ball(**changes) -> Ball:
             "mu": 1e9,
             "walls": False,
             "restitution": 0.5,
+            "swing_hz": 0.0,
+            "swing_damping": 0.1,
             **changes,
         }
     )

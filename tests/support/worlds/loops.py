@@ -29,6 +29,15 @@ class Loop(NamedTuple):
 
 
 @njit(cache=True)
+def followed(rate, ahead, swing_hz, damping, h):
+    """Rate after h of a plate, rigid or elastic, that has `ahead` to go to where its rods are."""
+    if swing_hz == 0.0:
+        return ahead / h
+    w = 2.0 * math.pi * swing_hz
+    return rate + h * (w * w * ahead - 2.0 * damping * w * rate)
+
+
+@njit(cache=True)
 def look(ball, noise, loop):
     """What the camera sees of the ball, in m."""
     c, s = math.cos(loop.yaw_rad), math.sin(loop.yaw_rad)
@@ -100,8 +109,8 @@ def run_table(p, b, loop, start, targets, torque_V, push, slipped, camera_noise)
                 servo_step(shafts[i], log[row, i] + torque_V[row, i], ball[i], p, i, STEP_s)
                 new = tilt_rad(shafts[i, 4], b)
                 old[i] = rate[i]
-                rate[i] = (new - phi[i]) / STEP_s
-                phi[i] = new
+                rate[i] = followed(rate[i], new - phi[i], b.swing_hz, b.swing_damping, STEP_s)
+                phi[i] += STEP_s * rate[i]
             ball_step(ball, heavy, phi, rate, old, push[row], b, STEP_s)
     return log
 

@@ -56,6 +56,8 @@ class Ball(NamedTuple):
     mu: float  # friction at the contact point
     walls: bool
     restitution: float
+    swing_hz: float  # at which an elastic plate swings behind its servos; 0: it is rigid
+    swing_damping: float
 
 
 @njit(cache=True)

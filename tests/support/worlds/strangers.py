@@ -55,6 +55,13 @@ def elastic_belt(seed: int) -> World:
     return unknown(belt_log(rng, belt))
 
 
+def twisting_plate(seed: int) -> World:
+    """The plate's joints twist: it swings at 3 to 7 Hz behind the servos, whose angle is read."""
+    rng = np.random.default_rng(seed)
+    swing = {"swing_hz": rng.uniform(3.0, 7.0), "swing_damping": rng.uniform(0.03, 0.25)}
+    return unknown(table_log(rng, {}, swing, {}))
+
+
 def fan(seed: int) -> World:
     """Gusts of 0.12 m/s2 towards +x and +y/2, one to three seconds long, a third of the time."""
     rng = np.random.default_rng(seed)
