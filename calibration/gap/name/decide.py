@@ -28,7 +28,7 @@ from calibration.gap.name.stepwise import Accepted, Naming, name_effects
 from calibration.gap.unnamed.basis import UnnamedTerm, unnamed_terms
 
 # Families of terms that act throughout and hold no effect with a name, as a map holds a level.
-HOLDS_NO_NAMES = ("rhythm", "swaying", "turning", "slipping")
+HOLDS_NO_NAMES = ("rhythm", "swaying", "turning", "slipping", "swinging")
 
 
 @dataclass(frozen=True, eq=False)

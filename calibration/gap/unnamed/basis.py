@@ -3,7 +3,8 @@
 Families, each linear in its k coefficients c. A model can hold (`rig.discrepancy`) a map (force
 over the plate, volts over the servo's angle, or the angle by which it is drawn off where it takes
 one), a dependence on speed, one rhythm and one segment of time; it cannot hold pushes at several
-times, the forces of a ball that slips or is heavy on a side, and a rhythm of its own on each axis
+times, the forces of a ball that slips or is heavy on a side, those of a plate that swings behind
+its servos, and a rhythm of its own on each axis
 (`calibration.gap.unnamed.forces`).
 A periodogram proposes the frequency, a matched filter the windows. With the other parameters free
 within their tolerance boxes, the score is
@@ -38,6 +39,7 @@ from calibration.gap.unnamed.forces import (
     pushes,
     slipping_forces,
     swaying_forces,
+    swinging_forces,
     turning_forces,
 )
 from calibration.gap.unnamed.peaks import peaks
@@ -54,10 +56,10 @@ UNIT_BALL, UNIT_VOLTS, UNIT_ANGLE = 0.02, 0.02, 0.002
 @dataclass(frozen=True, eq=False)
 class UnnamedTerm:
     """An unnamed term: its output, its kind (map, speed, rhythm, segment, turning, slipping,
-    swaying or pushes), score, coefficients (`unknown`), and the state with it in its model, not yet
-    predicted with it (`plain` is without). The model cannot hold the last four: their `unknown` and
-    state are those without, and `felt_m_s2` is their RMS by axis. `windows_s`: of pushes, when, and
-    `runs`: in which run; `rhythms_hz`: of what sways, by axis."""
+    swinging, swaying or pushes), score, coefficients (`unknown`), and the state with it in its
+    model, not yet predicted with it (`plain` is without). The model cannot hold the last five:
+    their `unknown` and state are those without, and `felt_m_s2` is their RMS by axis. `windows_s`:
+    of pushes, when, and `runs`: in which run; `rhythms_hz`: of what sways, by axis."""
 
     output: str
     kind: str
@@ -116,6 +118,9 @@ def _terms_of(state: State, output: str) -> Iterator[UnnamedTerm]:
         yield _along(state, nuisance, "turning", turning_forces(state), answer)
         for forces in slipping_forces(state):
             yield _along(state, nuisance, "slipping", forces[:, :, None], answer, low=0.0)
+        for forces in swinging_forces(state):
+            searched = SEARCH_PENALTY
+            yield _along(state, nuisance, "swinging", forces, answer, low=0.0, searched=searched)
         yield from _swaying(state, nuisance, answer)
         found = _pushed(state, answer)
         if len(found) > 1:
@@ -275,32 +280,39 @@ def _windows(state: State, output: str, side: str) -> list[tuple[float, float]]:
 
 
 def _response(
-    evidence: Evidence, state: State, output: str, side: str, length: float, stride: int
+    evidence: Evidence,
+    state: State,
+    output: str,
+    side: str,
+    length: float,
+    stride: int,
+    early: float = 0.0,
 ) -> np.ndarray | None:
-    """The change of the residuals by a unit force of `length` seconds, from its start on; None
-    where no samples show it: the first run that has the output is too short, or has a gap there."""
+    """The change of the residuals by a unit force of `length` seconds that begins `early` seconds
+    before the first of them; None where no samples show it: the first run that has the output is
+    too short, or has a gap there."""
     t, run = evidence.times(output)
     first = run[::stride] == run[:1]
     t = t[::stride][first]
     if not len(t) or t[-1] - t[0] < length + 3.0:
         return None
-    begin = float(t[0]) + 1.0
-    fixed = {f"{side}_segment_s": (begin, begin + length)}
+    i = int(np.searchsorted(t, t[0] + 1.0))
+    begin = float(t[i])
+    fixed = {f"{side}_segment_s": (begin - early, begin - early + length)}
     axis = 0 if output == BALL else SERVO.index(output)
     push = np.array([_unit(state, output)])
     unknown = _term([(f"{side}_segment", axis)], push, fixed, Discrepancy())
     model = state.nominal.with_unknown(unknown).model(state.fit.setting)
     z = evidence.roll(model, output).z - state.fit.z(output)
     z = z.reshape(-1, stride)[first, 0]
-    i = int(np.searchsorted(t, begin))
     end = int(np.searchsorted(t, begin + length + 1.0))
     return z[i:end] if end > i else None
 
 
 def _answer(state: State) -> np.ndarray:
-    """The change of the ball's residuals (m,) by a force of 1 m/s2 over one exposure, from then on:
-    a share of that by a short push. Empty where no samples show it."""
-    answer = _response(state.evidence, state, BALL, "ball", PUSH_S, 2)
+    """The change of the ball's residuals (m,) by a force of 1 m/s2 about one exposure, from then
+    on: a share of that by a short push about it. Empty where no samples show it."""
+    answer = _response(state.evidence, state, BALL, "ball", PUSH_S, 2, PUSH_S / 2)
     if answer is None:
         return np.zeros(0)
     step_s = float(np.median(np.concatenate([np.diff(r.exposed_s) for r in state.evidence.runs])))

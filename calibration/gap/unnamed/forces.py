@@ -14,6 +14,12 @@ Rigid Bodies, part 2, 1905, chapter 5.) The motion of the plate itself is left o
 
 **Swaying.** A floor, or a machine beside the table, shakes each axis at a frequency of its own.
 
+**Swinging.** A plate behind elastic rods or an elastic shaft follows its servos by w^2/D(s) with
+D(s) = s^2 + 2 zeta w s + w^2, so that beyond what they ask for the ball feels -(s^2 + 2 zeta w s)/D
+of it. Where w and the zeta of D are given, this is linear in two sizes, neither below 0: of the
+same without damping, -s^2/D, and with the most that a swing has. A delay or lag, which has -T s and
+no such s^2, is out of their reach.
+
 **Pushes.** Hands or gusts give constant forces from one time to another. They are found one after
 the other (matching pursuit: Mallat and Zhang, IEEE Trans. Signal Proc. 41, 1993): of residuals
 z with weights w, a push whose answer is k and which begins at row i explains
@@ -27,7 +33,7 @@ from collections.abc import Sequence
 from itertools import accumulate
 
 import numpy as np
-from scipy.signal import correlate
+from scipy.signal import bilinear, correlate, lfilter
 from scipy.spatial.transform import Rotation
 
 from calibration.gap.model.state import State
@@ -40,6 +46,9 @@ from rig.prediction.innovations import Signals
 # Largest friction over that which rolling needs, as quantiles of the need: the ball slips from half
 # of the time to a hundredth of it; chosen.
 SLIPS_BEYOND = (0.5, 0.65, 0.8, 0.9, 0.95, 0.99)
+SWINGS_HZ = (2.0, 2.5, 3.2, 4.0, 5.0, 6.3, 8.0, 10.0)  # beyond, a swing is a delay; chosen
+SWING_DAMPING, MOST_SWING_DAMPING = 0.1, 0.3  # zeta of D, and of a plate that still swings; chosen
+SWING_STEP_S = 0.002  # of the filter: a fiftieth of the shortest period
 MOST_PUSHES = 16  # that are looked for in the logs; chosen
 
 
@@ -70,6 +79,34 @@ def swaying_forces(t_s: np.ndarray, hz: tuple[float, float]) -> np.ndarray:
     for a, own_hz in enumerate(hz):
         found[:, a, 2 * a] = np.sin(2.0 * np.pi * own_hz * t_s)
         found[:, a, 2 * a + 1] = np.cos(2.0 * np.pi * own_hz * t_s)
+    return found
+
+
+def swinging_forces(state: State) -> list[np.ndarray]:
+    """`swing_forces` (n, 2, 2) [m/s2] at the exposures of all runs, for each frequency of
+    SWINGS_HZ."""
+    p = state.nominal.model(state.fit.setting).record
+    driven: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
+    for run in state.evidence.runs:
+        t, theta = run.angles(p)
+        even = np.arange(t[0], t[-1] + SWING_STEP_S, SWING_STEP_S)
+        at = np.column_stack([np.interp(even, t, theta[:, a]) for a in range(2)])
+        driven.append((even, GRAVITY_M_S2 * _sines(p, at), run.exposed_s))
+    return [np.concatenate([swing_forces(*one, hz) for one in driven]) for hz in SWINGS_HZ]
+
+
+def swing_forces(t: np.ndarray, a: np.ndarray, at: np.ndarray, hz: float) -> np.ndarray:
+    """The module's two forces (m, 2, 2) of a plate that swings at `hz` Hz, at times `at` (m,) [s]:
+    what it adds to a (n, 2) [m/s2] of the servos at times t (n,), SWING_STEP_S apart; at rest
+    first."""
+    w = 2.0 * np.pi * hz
+    below = [1.0, 2.0 * SWING_DAMPING * w, w * w]
+    found = np.zeros((len(at), 2, 2))
+    for k, damping in enumerate((0.0, MOST_SWING_DAMPING)):
+        over, under = bilinear([-1.0, -2.0 * damping * w, 0.0], below, 1.0 / SWING_STEP_S)
+        felt = lfilter(over, under, a - a[0], axis=0)
+        for axis in range(2):
+            found[:, axis, k] = np.interp(at, t, felt[:, axis])
     return found
 
 

@@ -1,4 +1,5 @@
-"""Forces of a ball that slips, is pushed or is heavier on a side: closed forms, another plant."""
+"""Forces of a ball that slips, is pushed or heavier on a side, and of a plate that swings: closed
+forms, another plant."""
 
 import numpy as np
 import pytest
@@ -6,10 +7,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from calibration.gap import investigate
-from calibration.gap.unnamed.forces import as_one, attitude, pushes, slip_force
+from calibration.gap.unnamed.forces import (
+    MOST_SWING_DAMPING,
+    SWING_DAMPING,
+    SWING_STEP_S,
+    as_one,
+    attitude,
+    pushes,
+    slip_force,
+    swing_forces,
+)
 from rig.log import Log
 from rig.rigfile import read_rig
 from tests.support.worlds import WORLDS, logs
+from tests.support.worlds.loops import followed
 from tests.support.worlds.plant import G_m_s2, STEP_s, ball_step
 
 FACTOR = 0.6  # of a hollow ball
@@ -73,6 +84,31 @@ def test_another_plants_ball_slips_the_same():
     missed, of = np.abs(speed - path).max(), np.abs(rolling - path).max()
     assert of > 0.05
     assert missed < 0.01 * of
+
+
+def test_another_plants_plate_swings_the_same():
+    """The damping that it has, by parts of the force without and of that with the most."""
+    hz, share = 4.0, SWING_DAMPING / MOST_SWING_DAMPING
+    t = SWING_STEP_S * np.arange(2000)
+    asked = np.repeat(np.random.default_rng(3).uniform(-0.3, 0.3, 20), 100)
+    asked[0] = 0.0
+    plate, rate, each = np.zeros(len(t)), 0.0, 20
+    for i in range(1, len(t)):
+        plate[i] = plate[i - 1]
+        for j in range(each):
+            now = asked[i - 1] + (j + 1) / each * (asked[i] - asked[i - 1])
+            rate = followed(rate, now - plate[i], hz, SWING_DAMPING, SWING_STEP_S / each)
+            plate[i] += rate * SWING_STEP_S / each
+    forces = swing_forces(t, np.column_stack([asked, 2.0 * asked]), t, hz)
+    told = forces @ np.array([1.0 - share, share])
+    felt = plate - asked
+    assert np.abs(told[:, 0] - felt).max() < 0.02 * np.abs(felt).max()
+    np.testing.assert_allclose(told[:, 1], 2.0 * told[:, 0])
+
+
+def test_a_plate_that_stays_does_not_swing():
+    t = SWING_STEP_S * np.arange(100)
+    assert not swing_forces(t, np.full((100, 2), 0.7), t[::8], 3.0).any()
 
 
 def test_a_ball_that_rolled_once_round_looks_as_before():
@@ -141,6 +177,8 @@ def test_noise_is_no_push():
         ("fan", 2603, "pushes from"),
         ("swaying_floor", 3920, "along x and"),
         ("heavy_sided_ball", 2640, "turns with the ball"),
+        ("elastic_plate", 3936, "swings behind its servos"),
+        ("twisting_plate", 3939, "swings behind its servos"),
     ],
 )
 def test_what_has_no_name_is_told_as_what_it_is(world: str, seed: int, told: str, tmp_path):
