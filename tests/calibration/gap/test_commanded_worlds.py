@@ -9,7 +9,6 @@ from calibration.gap import investigate
 from rig.log import Log
 from rig.rigfile import read_rig
 from tests.support.worlds import WORLDS, commanded
-from tests.support.worlds import angle_loops as loops
 from tests.support.worlds import angle_servos as servos
 from tests.support.worlds.loops import followed
 
