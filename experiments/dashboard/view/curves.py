@@ -15,7 +15,8 @@ from rig.parameters import Servo
 if TYPE_CHECKING:
     from viser import ClientHandle, ViserServer
 
-X, Y = "#7048e8", "#e8590c"
+X, Y = "#7048e8", "#cf4708"
+X_HERE, Y_HERE = f"var(--rig-x, {X})", f"var(--rig-y, {Y})"  # beside a chart, on light and dark
 # Lines of a film in the greys of no curve, seen on light and dark.
 CURSOR = {"stroke": "#868e96", "width": 2.5}
 EVENT = {"stroke": "#adb5bd", "width": 1.2, "dash": (3, 3)}
@@ -29,7 +30,7 @@ def legend(what: str) -> str:
     """What is drawn, and in which colours, as HTML."""
     return (
         f'<div style="{TEXT}">{what}: '
-        f'<b style="color: {X}">x</b>, <b style="color: {Y}">y</b>; dashed: wanted</div>'
+        f'<b style="color: {X_HERE}">x</b>, <b style="color: {Y_HERE}">y</b>; dashed: wanted</div>'
     )
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from experiments.analysis.metrics import run_metrics
 from experiments.analysis.samples import held
-from experiments.dashboard.view.curves import X, Y
+from experiments.dashboard.view.curves import X_HERE, Y_HERE
 from rig.log import INDEX, Log
 from rig.parameters import Servo
 
@@ -23,7 +23,7 @@ WIDTH, HEIGHT, MARGIN = 300, 190, 34  # of a picture [px]
 EVERY_S, LAST_S, BINS = 0.5, 10.0, 24  # chosen: calm to look at
 WAIT = "Waiting for the first data."
 GREY = "#adb5bd"  # of another run
-KEY = f'<p><b style="color: {X}">x</b>, <b style="color: {Y}">y</b></p>'
+KEY = f'<p><b style="color: {X_HERE}">x</b>, <b style="color: {Y_HERE}">y</b></p>'
 Curve = tuple[str, np.ndarray, np.ndarray]  # colour, abscissae, ordinates
 
 
@@ -146,7 +146,7 @@ def phase_curves(rows: np.ndarray, servo: Servo) -> tuple[str, str, list[Curve],
         name = "command"
         angle = angle if servo.has_angle else "desired_theta_{}_rad"
     swing, loop = [], []
-    for axis, colour in (("x", X), ("y", Y)):
+    for axis, colour in (("x", X_HERE), ("y", Y_HERE)):
         place = 100 * _place_m(rows, axis)
         swing.append((colour, place, np.gradient(place, rows[:, 0])))
         turned = np.degrees(rows[:, INDEX[angle.format(axis)]])

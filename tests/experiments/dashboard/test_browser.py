@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.in_browser.contrast import faint_words
 from tests.support.in_browser.page import TABS, Hand, expect
 from tests.support.in_browser.program import FLAGS, PATIENCE_S, Program
 from tests.support.parts import PARTS
@@ -219,6 +220,7 @@ def looks(chromium, page: Hand, program: Program, artefacts: Path) -> Hand:
                 watcher.tab(name)
                 watcher.page.wait_for_timeout(300)
                 watcher.nothing_cut_off()
+                assert faint_words(watcher.page) == [], f"{name}, {theme}"
                 watcher.shot(f"{name.lower()}-{theme}-{width}")
         watcher.press({"light": "Dark", "dark": "Light"}[theme])
         watcher.connected()
