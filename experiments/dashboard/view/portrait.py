@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 WIDTH, HEIGHT, MARGIN = 300, 190, 34  # of a picture [px]
 EVERY_S, LAST_S, BINS = 0.5, 10.0, 24  # chosen: calm to look at
 WAIT = "Waiting for the first data."
-GREY = "#adb5bd"  # of another run
+GREY, BARS = "#868e96", "#0c8599"  # of another run; of the distances
 KEY = f'<p><b style="color: {X_HERE}">x</b>, <b style="color: {Y_HERE}">y</b></p>'
 Curve = tuple[str, np.ndarray, np.ndarray]  # colour, abscissae, ordinates
 
@@ -69,26 +69,35 @@ def phase_picture(title: str, across: str, up: str, curves: list[Curve]) -> str:
     return _picture(title, cross + "".join(lines) + ends)
 
 
-def histogram_picture(title: str, across: str, values: np.ndarray) -> str:
-    """An SVG of how often values (n,) >= 0 lie where, from 0 to the largest; "" without any."""
-    values = values[np.isfinite(values)]
-    if not len(values):
+def histogram_picture(
+    title: str, across: str, values: np.ndarray, before: np.ndarray | None = None
+) -> str:
+    """An SVG of how often values (n,) >= 0 lie where, from 0 to the largest; "" without any.
+    before: values of another run, as a grey line in the same axes.
+    """
+    known = [v[np.isfinite(v)] for v in (values, np.empty(0) if before is None else before)]
+    if not len(known[0]):
         return ""
-    most = max(float(values.max()), 1e-9)
-    share = np.histogram(values, BINS, (0.0, most))[0] / len(values)
-    wide, tall = (WIDTH - 2 * MARGIN) / BINS, HEIGHT - 2 * MARGIN
+    most = max(float(np.concatenate(known).max()), 1e-9)
+    shares = [np.histogram(v, BINS, (0.0, most))[0] / max(len(v), 1) for v in known]
+    highest = max(share.max() for share in shares)
+    wide, bottom = (WIDTH - 2 * MARGIN) / BINS, HEIGHT - MARGIN
+    now, then = ((HEIGHT - 2 * MARGIN) * share / highest for share in shares)
     bars = "".join(
-        f'<rect x="{MARGIN + i * wide:.1f}" y="{HEIGHT - MARGIN - tall * s / share.max():.1f}" '
-        f'width="{wide - 1:.1f}" height="{tall * s / share.max():.1f}"/>'
-        for i, s in enumerate(share)
+        f'<rect x="{MARGIN + i * wide:.1f}" y="{bottom - h:.1f}" '
+        f'width="{wide - 1:.1f}" height="{h:.1f}"/>'
+        for i, h in enumerate(now)
     )
+    steps = "".join(f"V{bottom - h:.1f}h{wide:.1f}" for h in then)
+    line = f'<path d="M{MARGIN} {bottom}{steps}V{bottom}" stroke="{GREY}" stroke-width="2"'
     ends = (
-        f"{_text(MARGIN, HEIGHT - MARGIN + 12, '0', 'start')}"
-        f"{_text(WIDTH - MARGIN, HEIGHT - MARGIN + 12, f'{most:.3g}', 'end')}"
-        f"{_text(MARGIN - 3, MARGIN + 8, f'{100 * share.max():.0f} %', 'end')}"
+        f"{_text(MARGIN, bottom + 12, '0', 'start')}"
+        f"{_text(WIDTH - MARGIN, bottom + 12, f'{most:.3g}', 'end')}"
+        f"{_text(MARGIN - 3, MARGIN + 8, f'{100 * highest:.0f} %', 'end')}"
         f"{_text(WIDTH / 2, HEIGHT - 8, across, 'middle')}"
     )
-    return _picture(title, f'<g fill="currentColor" fill-opacity="0.5">{bars}</g>{ends}')
+    shadow = f'{line} fill="none"/>' if len(known[1]) else ""
+    return _picture(title, f'<g fill="{BARS}" fill-opacity="0.6">{bars}</g>{shadow}{ends}')
 
 
 def _text(x: float, y: float, words: str, anchor: str) -> str:
@@ -166,13 +175,13 @@ def pictures(rows: np.ndarray, servo: Servo, before: np.ndarray | None = None) -
         _, _, *others = phase_curves(before, servo)
         greys = [[(GREY, x, y) for _, x, y in curves] for curves in others]
         swing, loop = greys[0] + swing, greys[1] + loop
-    away = distance_cm(rows)
+    away = "share of time at each distance from the target", "distance [cm]", distance_cm(rows)
     return (
         f"<p>From the target, {told}</p>"
         + KEY
         + phase_picture("ball: speed over position", "position [cm]", "speed [cm/s]", swing)
         + phase_picture(f"servo: angle over {name}", unit, "angle [deg]", loop)
-        + histogram_picture("share of time at each distance from the target", "distance [cm]", away)
+        + histogram_picture(*away, None if before is None else distance_cm(before))
     )
 
 
@@ -219,7 +228,8 @@ class Portrait:
 
 
 def _grey(name: str) -> str:
-    return f"<p>Grey: {escape(name)}</p>" if name else ""
+    line = f'<b style="border-bottom: 0.2em solid {GREY}">Grey</b>'
+    return f"<p>{line}, in every picture: {escape(name)}</p>" if name else ""
 
 
 def _boxed(inside: str) -> str:

@@ -10,6 +10,8 @@ import pytest
 from experiments.analysis.metrics import run_metrics
 from experiments.dashboard.view.portrait import (
     GREY,
+    HEIGHT,
+    MARGIN,
     WAIT,
     Portrait,
     distance_cm,
@@ -105,6 +107,18 @@ def test_the_bars_of_the_histogram_hold_every_sample_once():
     assert "50 %" in picture
 
 
+def test_another_run_is_a_line_over_the_bars_at_the_same_scale():
+    near, far = np.full(8, 0.5), np.array([0.0, 0.0, 0.0, 4.0])
+    alone, both = histogram_picture("", "", near), histogram_picture("", "", near, far)
+    assert "<path" not in alone
+    assert alone.count("<rect") == both.count("<rect")
+    assert ">4<" in both  # the largest of the two ends the axis
+    assert "100 %" in both  # and the highest the other one
+    feet = [float(y) for y in re.findall(r"V([\d.]+)h", both)]
+    rise = HEIGHT - MARGIN - np.array(feet)
+    assert rise[rise > 0] / (HEIGHT - 2 * MARGIN) == pytest.approx([0.75, 0.25], abs=0.01)
+
+
 def test_the_last_run_stays_grey_in_the_same_axes(monkeypatch):
     monkeypatch.setattr("experiments.dashboard.view.portrait.EVERY_S", 0.0)
     portrait = Portrait(SimpleNamespace(gui=Gui()), SERVO)  # pyright: ignore[reportArgumentType]
@@ -116,14 +130,15 @@ def test_the_last_run_stays_grey_in_the_same_axes(monkeypatch):
     portrait.draw(large, "hold, without")
     assert GREY not in html.content  # what balanced before was no run
     portrait.draw(small, "hold, with")
-    assert "Grey: hold, without" in html.content
+    assert f'{GREY}">Grey</b>, in every picture: hold, without<' in html.content
     alone, both = pictures(small, SERVO), html.content
-    assert both.count(GREY) == 4  # both axes, in both pictures
+    assert both.count(f'stroke="{GREY}"') == 5  # both axes in two pictures, and the distances
+    assert GREY not in alone
     assert alone.count("<polyline") == 4
     right = r'text-anchor="end" font-size="11" fill="currentColor">([-\d.]+)<'
     assert re.findall(right, both)[0] == re.findall(right, pictures(large, SERVO))[0]
     portrait.draw(small, "balancing")
-    assert "Grey: hold, with<" in html.content
+    assert "in every picture: hold, with<" in html.content
 
 
 def test_the_last_run_is_seen_as_it_was_until_the_next_one(monkeypatch):
@@ -148,8 +163,8 @@ def test_the_run_beside_a_replay_is_its_shadow():
     portrait = Portrait(SimpleNamespace(gui=Gui()), SERVO)  # pyright: ignore[reportArgumentType]
     portrait.draw(swinging(), "the run with", ("the run without", swinging()))
     (html,) = portrait.handles
-    assert "Grey: the run without" in html.content
-    assert html.content.count(GREY) == 4
+    assert "in every picture: the run without" in html.content
+    assert html.content.count(f'stroke="{GREY}"') == 5
 
 
 class Gui:
