@@ -34,7 +34,7 @@ class Profile:
 
     `quantity`: "time", "position", "speed", "direction", "after reversal" or "voltage"; `unit`: of
     `edges` (n + 1,), the limits of the bins; `gap` (n,): in noise floors, NaN in bins with too few
-    samples; `count` (n,): samples in each bin.
+    samples; `count` (n,): samples in each bin; `starts_s` (r,): over time, when each run begins.
     """
 
     channel: str
@@ -43,6 +43,7 @@ class Profile:
     edges: np.ndarray
     gap: np.ndarray
     count: np.ndarray
+    starts_s: np.ndarray = field(default_factory=lambda: np.zeros(1))
 
 
 @dataclass(frozen=True, eq=False)

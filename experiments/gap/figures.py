@@ -28,6 +28,7 @@ LOG_BEYOND = 8.0  # gaps that differ by more are drawn on a logarithmic axis
 SHOWN_NAMES = 10
 # Chosen: with more bars than that their values stand upright; letters in a line of a label.
 MOST_LEVEL, LABEL_LETTERS, NARROW_LETTERS = 16, 36, 10
+LINE_LETTERS, MOST_NUMBERS = 90, 30  # across a figure; chosen: they do not touch
 WIDE, SMALL = 8.6, 9  # inches, points: letters are read where a figure is as wide as a page
 
 
@@ -77,10 +78,28 @@ def _curve(axis: Axes, profile: Profile, factor: float) -> None:
     )
 
 
-def over_time(profiles: Sequence[Profile]) -> Figure:
-    """Gap of every channel [noise floors] over the time of the logs [s], as steps.
+def _runs(axis: Axes, profile: Profile, names: Sequence[str]) -> None:
+    """An upright line where each run but the first begins, and the runs' names above; their numbers
+    where a name has no room."""
+    limits = np.append(profile.starts_s, profile.edges[-1])
+    shares = np.diff(limits) / limits[-1]
+    for start in limits[1:-1]:
+        axis.axvline(start, color="0.3", lw=1.2)
+    every = ceil(len(shares) / MOST_NUMBERS)
+    labels = [str(i + 1) if i % every == 0 else "" for i in range(len(shares))]
+    if len(names) == len(shares) and LINE_LETTERS * shares.min() >= NARROW_LETTERS:
+        pairs = zip(names, shares, strict=True)
+        labels = [fill(name, int(LINE_LETTERS * share)) for name, share in pairs]
+    above = axis.secondary_xaxis("top")
+    above.set_xticks((limits[1:] + limits[:-1]) / 2, labels)
+    above.tick_params(length=0)
 
-    profiles: those whose quantity is the time.
+
+def over_time(profiles: Sequence[Profile], names: Sequence[str] = ()) -> Figure:
+    """Gap of every channel [noise floors] over the time of the logs [s], as steps, one run after
+    the other.
+
+    profiles: those whose quantity is the time; names: of the runs.
     """
     figure, axis = plt.subplots(figsize=(WIDE, 2.9))
     for profile in profiles:
@@ -88,7 +107,9 @@ def over_time(profiles: Sequence[Profile]) -> Figure:
     _floor_line(axis)
     _gap_scale(axis, _largest(profiles))
     axis.set(xlabel="time [s]", ylabel="gap [noise floors]")
-    axis.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=5, frameon=False)
+    if len(profiles[0].starts_s) > 1:
+        _runs(axis, profiles[0], names)
+    figure.legend(loc="outside upper center", ncols=5, frameon=False)
     return figure
 
 

@@ -85,7 +85,7 @@ def write_gap_report(
     stages = [
         _spoken(section, known)
         for section in (
-            locate_stage(found, folder),
+            locate_stage(found, folder, names),
             name_stage(found, folder),
             add_stage(found, names),
             prove_stage(found, folder),

@@ -44,10 +44,10 @@ def picture(figure, folder: Path, name: str, caption: str) -> Pictures:
     return Pictures([Picture(figures.save(figure, folder, name), caption)])
 
 
-def locate_stage(found: Findings, folder: Path) -> Section:
+def locate_stage(found: Findings, folder: Path, names: Sequence[str]) -> Section:
     """Section "Locate": where the model is wrong, by channel, time, state and place.
 
-    Writes its figures in `folder`; OSError: they cannot be written.
+    names: of the logs. Writes its figures in `folder`; OSError: they cannot be written.
     """
     blocks: list[Block] = []
     if found.where:
@@ -61,10 +61,11 @@ def locate_stage(found: Findings, folder: Path) -> Section:
     states = [p for p in found.profiles if p.quantity != "time"]
     if moments:
         caption = (
-            "The gap over time: a steady gap is a steady cause, a burst is an event. Errors beyond "
+            "The gap over time, one log after the other, in the order in which they are named "
+            "above: a steady gap is a steady cause, a burst is an event. Errors beyond "
             f"{OUTLIER_Z:.0f} of their expected deviations, which the table leaves out, count here."
         )
-        blocks.append(picture(figures.over_time(moments), folder, "gap-over-time", caption))
+        blocks.append(picture(figures.over_time(moments, names), folder, "gap-over-time", caption))
     for side in ("servo", "ball"):
         mine = [p for p in states if p.channel.startswith(side)]
         if mine:

@@ -261,6 +261,25 @@ def test_many_notes_are_counted():
     assert lines[-1] == "  note       4 more in the report"
 
 
+def test_the_gap_over_time_shows_where_a_run_ends_and_which_is_next():
+    time = Profile("ball_x", "time", "s", np.arange(41.0), np.ones(40), np.full(40, 60))
+    two = replace(time, starts_s=np.array([0.0, 16.5]))
+
+    def shown(*of) -> tuple[list[float], list[str]]:
+        (axis,) = (figure := figures.over_time(*of)).axes
+        upright = [float(x[0]) for x, y in (line.get_data() for line in axis.lines) if y[0] != y[1]]
+        (above,) = axis.child_axes or (None,)
+        labels = [t.get_text() for t in above.get_xticklabels()] if above else []
+        figures.plt.close(figure)
+        return upright, labels
+
+    assert shown([time], ["run.csv"]) == ([], [])
+    assert shown([two], ["steps-with", "hold-with"]) == ([16.5], ["steps-with", "hold-with"])
+    assert shown([two], []) == ([16.5], ["1", "2"])
+    many = replace(time, starts_s=np.arange(40.0))
+    assert shown([many], [f"a-run-{i}" for i in range(40)])[1][:3] == ["1", "", "3"]
+
+
 def test_odd_findings_still_make_a_page(tmp_path):
     """Empty bins, one channel, a gap of nothing, a name of tomorrow's catalogue."""
     gone = np.full(4, np.nan)
@@ -314,6 +333,11 @@ def test_figures_have_room_for_their_words():
     texts_inside(figures.shrinking(steps))
     texts_inside(figures.shrinking(steps[:3]))
     texts_inside(figures.over_state([p for p in named().profiles if p.quantity != "time"]))
+    time = Profile("ball_x", "time", "s", np.arange(81.0), np.ones(80), np.full(80, 60))
+    logs = [f"20261129T2119{i:02d}-servo-squares-without" for i in range(80)]
+    for runs in (1, 4, 7, 80):
+        starts = np.linspace(0.0, 80.0, runs, endpoint=False)
+        texts_inside(figures.over_time([replace(time, starts_s=starts)], logs[:runs]))
     long = [replace(c, twins=("encoder_to_plate_delay", "asymmetric_play")) for c in RANKING]
     texts_inside(figures.ranking(long, ["joint_backlash"]))
     rows = [ProofRow("named: transmission_ripple + joint_backlash + level_offset", {}, 3.0)]
