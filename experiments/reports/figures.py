@@ -1,12 +1,14 @@
 """The paper's figures 7, 8 and 10 to 14, and the map of play: PNG and SVG, source marked.
 
 Each figure is one plain function of logs; with = red, without = blue, reference and centre green,
-centroids black crosses where the paper has them. Figures show centimetres and seconds from release.
+centroids crosses and squares of these colours, where the paper has black crosses. Figures show
+centimetres and seconds from release.
 """
 
 from collections.abc import Mapping, Sequence
 from math import ceil, degrees, log10
 from pathlib import Path
+from typing import Any
 
 import matplotlib
 
@@ -218,12 +220,24 @@ def _wanted(axis: Axes, log: Log, size: float) -> None:
 
 
 ASIDE_PT = {"without": (14, 26), "with": (-44, -34)}  # of an arm's name from its centroid
+# The smaller mark leaves the other one seen where both lie on one point.
+CENTROIDS: dict[str, dict[str, Any]] = {
+    "without": {"marker": "s", "ms": 11, "mec": "k"},
+    "with": {"marker": "X", "ms": 9, "mec": "w"},
+}
+
+
+def _centroid(axis: Axes, arm: str, xy_cm: np.ndarray) -> None:
+    """An arm's centroid in its colour: a square without, a cross with."""
+    shape = CENTROIDS["without" if arm == "without" else "with"]
+    label = f"centroid, {arm}" if arm in CENTROIDS else "centroid"
+    axis.plot(*xy_cm, color=colour_of(arm), ls="", label=label, zorder=5, **shape)
 
 
 def release_scatter(
     without: Log, with_: Log, centroids_cm: Mapping[str, np.ndarray], side_cm: float = 27.5
 ) -> Figure:
-    """Fig. 10: with = red crosses, without = blue dots, centroids black crosses, centre green.
+    """Fig. 10: with = red crosses, without = blue dots, centroids as `_centroid`, centre green.
 
     centroids_cm: arm -> (2,), empty where the target moves: then without the view of the centre;
     side_cm: side of the plate.
@@ -239,9 +253,8 @@ def release_scatter(
         xy = ball_cm(with_)[1]
         where.plot(*xy.T, "x", color=WITH, ms=3 * size, mew=0.6, label=ARMS["with"])
         _wanted(where, with_, 6 * size)
-        both = np.reshape(list(centroids_cm.values()), (-1, 2))
-        if len(both):
-            where.plot(*both.T, "x", color="k", ms=8, mew=1.6, ls="", label="centroids", zorder=5)
+        for arm in sorted(centroids_cm, reverse=True):
+            _centroid(where, arm, centroids_cm[arm])
     arrow = {"arrowstyle": "-", "lw": 0.6}
     for arm, xy in centroids_cm.items():
         views[-1][0].annotate(
@@ -259,8 +272,8 @@ def release_scatter(
 def pushed_scatter(
     log: Log, centroid_cm: np.ndarray | None, arm: str, side_cm: float = 27.5
 ) -> Figure:
-    """Figs. 12 and 13: positions of the pushed ball in the arm's colour; centroid black cross,
-    centre green dot.
+    """Figs. 12 and 13: positions of the pushed ball in the arm's colour, as its centroid; centre
+    green dot.
 
     centroid_cm (2,), None where the target moves; arm: for the legend; side_cm: side of the plate.
     """
@@ -270,7 +283,7 @@ def pushed_scatter(
     axis.plot(*xy.T, ".", color=colour_of(arm), ms=2.6, label=f"ball, {ARMS.get(arm, arm)}")
     _wanted(axis, log, 8)
     if centroid_cm is not None:
-        axis.plot(*centroid_cm, "x", color="k", ms=10, mew=2.2, ls="", label="centroid", zorder=5)
+        _centroid(axis, arm, centroid_cm)
     axis.legend(loc="lower left", fontsize=9)
     return figure
 

@@ -10,10 +10,13 @@ from matplotlib.text import Text
 
 from experiments.reports.figures import (
     ARMS,
+    WITH,
+    WITHOUT,
     ball_over_time,
     eight_runs,
     play_map,
     pushed_scatter,
+    release_scatter,
     save,
     servo_over_time,
 )
@@ -61,6 +64,25 @@ def test_the_eight_runs_are_named_as_the_paper_does_and_say_which_controller():
         assert box.x0 > 0
         assert box.x1 < figure.bbox.x1
         assert set(ARMS.values()) <= set(words_of(figure))
+
+
+def test_centroids_on_one_point_are_told_apart_by_colour_and_shape():
+    t = np.arange(60) / 60
+    log = Log.from_columns({"t_s": t, "ball_x_m": 0 * t, "ball_y_m": 0 * t, "phase": 2 + 0 * t})
+    centres = {"with": np.zeros(2), "without": np.zeros(2)}
+    figure = release_scatter(log, log, centres)
+    drawn = [
+        {one.get_label(): one for one in axis.lines if f"{one.get_label()}".startswith("centroid")}
+        for axis in (figure.axes[0], *figure.axes[0].child_axes)
+    ]
+    assert len(drawn) == 2  # the inset, too
+    for marks in drawn:
+        with_, without = marks["centroid, with"], marks["centroid, without"]
+        assert (with_.get_color(), without.get_color()) == (WITH, WITHOUT)
+        assert with_.get_marker() != without.get_marker()
+        assert with_.get_markersize() < without.get_markersize()  # and drawn last
+        assert list(marks) == ["centroid, without", "centroid, with"]
+    plt.close(figure)
 
 
 def test_letters_are_read_at_half_a_sheets_width():
