@@ -34,7 +34,7 @@ def confusion_figure(table: Mapping[str, Mapping[str, int]], path: Path) -> Path
         dark = shares[i, j] > 0.5
         wrong = columns[j] != hidden[i]
         colour = "white" if dark else "firebrick" if wrong else "black"
-        axes.text(j, i, f"{counts[i, j]:.0f}", ha="center", va="center", color=colour, fontsize=8)
+        axes.text(j, i, f"{counts[i, j]:.0f}", ha="center", va="center", color=colour, fontsize=9)
     axes.set_xticks(range(len(columns)), [c.replace("_", " ") for c in columns], rotation=90)
     axes.set_yticks(range(len(hidden)), [h.replace("_", " ") for h in hidden])
     axes.axvline(len(names) - 0.5, color="grey", linewidth=0.8)

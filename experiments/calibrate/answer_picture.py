@@ -83,6 +83,6 @@ def answer_figure(
             one.get_legend_handles_labels() for one in (axes, right)
         )
         handles, labels = dots + lines, dots_said + lines_said
-        right.legend(handles, labels, loc="upper right", fontsize=8, ncols=3)
+        right.legend(handles, labels, loc="upper right", fontsize=9, ncols=3)
     rows[1].set_xlabel("time [s]")
     return save(figure, path, source)

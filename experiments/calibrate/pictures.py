@@ -203,7 +203,7 @@ def save(figure, path: Path, source: str) -> Path:
     """Mark a figure with its source, write it as `path`, and close it. OSError: it cannot be."""
     from experiments.reports.figures import SOURCES, plt
 
-    figure.text(0.995, 0.005, SOURCES[source], ha="right", va="bottom", fontsize=7, color="0.4")
+    figure.text(0.995, 0.005, SOURCES[source], ha="right", va="bottom", fontsize=9, color="0.4")
     write_figure(figure, path)
     plt.close(figure)
     return path

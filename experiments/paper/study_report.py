@@ -255,7 +255,9 @@ def _grid_section(results: dict, shown: dict[str, Path]) -> Section:
         ),
         Picture(shown["grid_centroid"], "Effect on the centroid's distance (whole run)."),
     ]
-    return Section("Where play compensation helps, is neutral, or hurts", [*lines, Pictures(maps)])
+    return Section(
+        "Where play compensation helps, is neutral, or hurts", [*lines, Pictures(maps, wide=True)]
+    )
 
 
 def _play_section(study: Study, rig: Rig, shown: dict[str, Path]) -> Section:

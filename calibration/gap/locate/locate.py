@@ -254,9 +254,7 @@ def _profile(c: Channel, q: Coordinate) -> Profile:
         "position": "m" if c.ball else "rad",
         "speed": "m/s" if c.ball else "rad/s",
     }
-    return Profile(
-        c.name, PROFILE_QUANTITIES[q.kind], units[q.kind], edges, gap, count, c.starts_s
-    )
+    return Profile(c.name, PROFILE_QUANTITIES[q.kind], units[q.kind], edges, gap, count, c.starts_s)
 
 
 def _binned(gap: np.ndarray, q: Coordinate) -> tuple[np.ndarray, np.ndarray]:

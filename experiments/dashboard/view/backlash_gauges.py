@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from experiments.dashboard.view.grid import LETTERS
 from experiments.dashboard.view.pose import TOOTH_M, backlash_widths, gauges
 from rig.parameters import Rig
 
@@ -51,7 +52,7 @@ class BacklashGauge:
             f"{name}/label",
             self._words,
             position=(0, 0, 2.2 * TOOTH_M),
-            font_screen_scale=0.7,
+            font_screen_scale=LETTERS,
             anchor="bottom-center",
         )
         self._touches, self.told = 0, True
@@ -70,8 +71,8 @@ class BacklashGauge:
                 free.visible, touched.visible = touches != side, touches == side
         self._touches = touches
         found = f"found {degrees(found_rad):.1f}°" if found_rad > 0.0 else "nothing found yet"
-        true = f"\ntrue {degrees(play_rad):.1f}°, " if self.told else " "  # a line is cut sooner
-        text = f"{self._words}:{true}{found}"
+        true = f"true {degrees(play_rad):.1f}°, " if self.told else ""
+        text = f"{self._words}:\n{true}{found}"  # a longer line is cut
         if self._label.text != text:
             self._label.text = text
 

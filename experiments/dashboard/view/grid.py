@@ -11,6 +11,7 @@ FINE_M, COARSE_M = 0.01, 0.05
 FINE, COARSE = (206, 211, 219), (150, 158, 170)
 HEIGHT_M = 0.0003  # above the plate, below trail and target
 BESIDE_M = 0.012  # of the numbers, off the edge
+LETTERS = 0.85  # of all labels in the 3-D view, as viser scales them: about 9 points
 
 
 def grid_lines(side_m: float, step_m: float) -> np.ndarray:
@@ -52,5 +53,5 @@ def draw_grid(server: "ViserServer | ClientHandle", plate: str, side_m: float) -
             text,
             position=place,
             anchor="center-center",
-            font_screen_scale=0.6,
+            font_screen_scale=LETTERS,
         )

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from experiments.dashboard.view.ghost import noise_alone_m
-from experiments.dashboard.view.grid import draw_grid
+from experiments.dashboard.view.grid import LETTERS, draw_grid
 from experiments.dashboard.view.pose import DROP_M, linkage, plate_wxyz
 from experiments.dashboard.view.view_points import FIELD_OF_VIEW_RAD, view_point
 from rig.parameters import Rig
@@ -202,7 +202,7 @@ class TableScene:
             "",
             position=AWAY,
             anchor="bottom-center",
-            font_screen_scale=0.8,
+            font_screen_scale=LETTERS,
         )
         self.centroid = scene.add_icosphere(
             "/table/plate/centroid", 0.003, (20, 20, 20), position=AWAY, subdivisions=1
@@ -233,7 +233,7 @@ class TableScene:
                 f"/table/axis_{name}",
                 name,
                 position=at,
-                font_screen_scale=0.9,
+                font_screen_scale=LETTERS,
                 anchor="center-center",
             )
 

@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from experiments.dashboard.view.grid import LETTERS
 from experiments.dashboard.view.scene import PlateModel
 from experiments.gap.closed_loop_replay import TableMotion
 from rig.parameters import Rig
@@ -71,7 +72,7 @@ class PlateMap:
             MAP_LEGEND,
             f"model's error, at the darkest {float(np.nanmax(size)):.1f} x the noise",
             position=(0, -float(np.ptp(y)) / 2 - 0.02, 0.0),
-            font_screen_scale=0.7,
+            font_screen_scale=LETTERS,
             anchor="top-center",
         )
         self._parts = [image, legend]

@@ -18,7 +18,7 @@ def test_the_gauges_tell_the_truth_and_are_hidden_as_one():
         assert all("true 1" in label.text for label in labels)
         gauges.tell(False)
         gauges.draw(rig, nothing, nothing, np.full((2, 2), 0.01))
-        assert next(label.text for label in labels) == "play of gear x: found 0.6°"
+        assert next(label.text for label in labels) == "play of gear x:\nfound 0.6°"
         gauges.show(False)
         assert not gauges._root.visible
         assert all(label.name.startswith(f"{TEETH}/") for label in labels)  # hidden with it
