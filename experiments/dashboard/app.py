@@ -2,7 +2,6 @@
 
 import threading
 import time
-from collections import deque
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -50,7 +49,7 @@ from rig.parameters import Rig
 if TYPE_CHECKING:
     from viser import ClientHandle, ViserServer
 
-DRAW_HZ, CURVES_EVERY, EVENTS_SHOWN = 20.0, 2, 4  # a film, of three tables, as the curves
+DRAW_HZ, CURVES_EVERY = 20.0, 2  # a film, of three tables, as the curves
 _BALL, _TARGET = (INDEX[n] for n in ("ball_x_m", "target_x_m"))
 _FOUND = [[INDEX[f"estimated_{kind}_play_{a}_rad"] for a in "xy"] for kind in ("gear", "joint")]
 UNSEEN_S = 0.3  # an older sight of the ball is not drawn
@@ -77,7 +76,6 @@ class App:
         self.server, self.rig, self.out, self._stream = server, rig, out, stream
         self.pages = Pages()
         self.live = LiveBuffer(rig.control_rate_hz)
-        self.events: deque[str] = deque(maxlen=EVENTS_SHOWN)
         real = rig_file is not None and is_hardware(rig)
         seen = RealCamera(rig) if real and rig.table.camera else None
         self._real = (rig_file, seen) if real and rig_file else None
@@ -88,7 +86,7 @@ class App:
             rig,
             table,
             self.live,
-            on_event=self._on_event,
+            on_event=stream.event if stream is not None else lambda t_s, text: None,
             on_recorded=self._on_recorded,
             still=self.controls.still,
         )
@@ -100,7 +98,7 @@ class App:
         self._replayed = False  # a recorded run was shown
         admit_values(server, self.controls)
         shell = shell_of(server)
-        shell.state = lambda: self.session.status.state
+        shell.state = lambda: self.session.status.shown
         shell.stop = partial(self.controls.stop, act=self._stop)
         shell.live = lambda: big_view(
             self.session.rig, self.live.now(), self.session.status, self.live.curve()
@@ -277,12 +275,6 @@ class App:
 
         self.controls.queue.put("a page went", do)
 
-    def _on_event(self, t_s: float, text: str) -> None:
-        """Keep an event of the loop or of a page for the tab Run; called from any thread."""
-        self.events.append(f"{t_s:.1f} s: {text}")
-        if self._stream is not None:
-            self._stream.event(t_s, text)
-
     # --- drawing ---
     def _draw(self) -> None:
         count, failed = 0, ""
@@ -331,7 +323,7 @@ class App:
         status = self.session.status
         self.header.draw(now, status, self.rig.control_rate_hz)
         self.tour.draw()
-        self.run_tab.draw(status, list(self.events))
+        self.run_tab.draw(status, list(self.session.events))
         self.results.draw(running=status.state == "running")
         self.replay.draw()
         self.calibrate.draw()

@@ -6,7 +6,7 @@
     GIVEN_UP_MS = 30000, CONNECT_MS = 10000, LAID_OUT_MS = 500;
   const NO_VOLTS = ["at rest", "stopped"];
   const STATES = {
-    starting: "Starting", balancing: "Balancing", running: "Run is on",
+    starting: "Starting", balancing: "Balancing", running: "Run is on", "run starting": "Run is starting",
     pause: "Pause between runs", stopping: "Stopping: the plate is levelled",
     "at rest": "Stopped, motors at 0 V", stopped: "Stopped, motors at 0 V",
   };

@@ -112,7 +112,7 @@ class SessionStatus:
     run: the present run or, in a pause, the next; t_s: time of the present run, which stands still
     while the operator is waited for; operator_step: what the operator has to do now, "" for
     nothing; waited_s: for how long the operator has been waited for, None where nobody is; last:
-    how the last run ended, "" where it was completed.
+    how the last run ended, "" where it was completed; begun: its first row has come.
     """
 
     state: str
@@ -122,6 +122,20 @@ class SessionStatus:
     operator_step: str = ""
     waited_s: float | None = None
     last: str = ""
+    begun: bool = True
+
+    @property
+    def shown(self) -> str:
+        """The state for a person (a key of `tabs.header.STATES`): a run whose loop is being started
+        has not begun."""
+        return "run starting" if self.state == "running" and not self.begun else self.state
+
+    @property
+    def heading(self) -> str:
+        """What is on, for a line above the events of its time."""
+        if self.run is not None and self.state == "running":
+            return f"run {self.run.number} of {self.run.of}: {self.of}"
+        return "between runs" if self.state == "pause" else self.of or "no run"
 
     @property
     def of(self) -> str:

@@ -34,6 +34,7 @@ from rig.loop.process import LoopProcess
 from rig.parameters import Rig
 
 CLOSE_S = 5.0  # of levelling, and of writing the recording's end; chosen
+EVENTS_KEPT = 4  # chosen: what is seen at a glance
 QUICK_S, MOST_FAILURES = 5.0, 3  # balancing that ends so soon so often is given up; chosen
 
 
@@ -45,7 +46,8 @@ class Session:
     is given every row. on_recorded(run, folder, ending) is called after every recorded run,
     on_event(t_s, text) with every event, both from the session's thread. balance: begin by
     balancing (virtual table only). still() raises where a stop came after what is asked for just
-    now: then nothing begins. `last_notes`: jitter and real-time rights of the last loop.
+    now: then nothing begins. `events`: the newest ones, each behind what was on then
+    (`SessionStatus.heading`). `last_notes`: jitter and real-time rights of the last loop.
     """
 
     def __init__(
@@ -63,7 +65,8 @@ class Session:
     ) -> None:
         self.rig, self.table, self.live = rig, table, live
         self._plan_rig = rig
-        self._on_recorded, self._announce, self._still = on_recorded, on_event, still
+        self._on_recorded, self._on_told, self._still = on_recorded, on_event, still
+        self.events: deque[tuple[str, str]] = deque(maxlen=EVENTS_KEPT)
         self._wake = threading.Condition()
         self._planned: deque[PlannedRun] = deque()
         self._balance = balance and not table.real  # a real table moves in runs alone
@@ -216,6 +219,11 @@ class Session:
             loop.kill()
             self._thread.join(CLOSE_S)
 
+    def _announce(self, t_s: float, text: str) -> None:
+        """Keep and tell an event at t_s [s] of what is on; from any thread."""
+        self.events.append((self._status.heading, f"{t_s:.1f} s: {text}"))
+        self._on_told(t_s, text)
+
     # --- the session's thread ---
     def _end_loop(self, stop: Stop) -> None:
         """Stop the loop, or as soon as it has started. The caller holds `_wake`."""
@@ -266,7 +274,7 @@ class Session:
                     planned = self._planned.popleft()
                     # With it off the plan, the state alone refuses another start.
                     words = f"{planned.words}: starting"
-                    self._status = SessionStatus("running", words, planned)
+                    self._status = SessionStatus("running", words, planned, begun=False)
                     return planned
                 if self._planned:
                     planned = self._planned[0]

@@ -27,6 +27,7 @@ STATES = {
     "starting": "Starting",
     "balancing": "Balancing",
     "running": "Run is on",
+    "run starting": "Run is starting",
     "pause": "Pause between runs",
     "stopping": "Stopping: the plate is levelled",
     "at rest": "Stopped, motors at 0 V",
@@ -148,7 +149,7 @@ class Header:
             # of the live table, which a page with a film does not show
             self._pages.tell(page, self._state, visible=page not in self._films)
         self._pages.show_usable(list(self._controls.checks.values()))
-        words = f"**{STATES[status.state]}** ({plain(self._table)})<br>"
+        words = f"**{STATES[status.shown]}** ({plain(self._table)})<br>"
         words += link_words(now, status, rate_hz)
         if words != self._words:
             self._words = words

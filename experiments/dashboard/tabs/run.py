@@ -1,7 +1,7 @@
 """The tab Run: protocol, start and pause; gains, the table's backlash, target and pushes."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from math import cos, radians, sin
@@ -92,6 +92,17 @@ def progress_words(status: SessionStatus) -> str:
         clock = f"{minutes(status.waited_s)} of {minutes(status.patience_s)}"
         return f"{of}: {plain(status.words)}, **waiting for you** ({clock})"
     return f"{of}: {plain(status.words)}, {status.t_s:.1f} of {status.duration_s:.1f} s, {left}"
+
+
+def event_lines(events: Sequence[tuple[str, str]]) -> str:
+    """Events (what was on, a line) as Markdown, the newest first, below what was on then."""
+    lines, above = ["*Events*"], None
+    for of, line in reversed(events):
+        if of != above:
+            lines.append(f"**{plain(of)}**")
+            above = of
+        lines.append(plain(line))
+    return "  \n".join(lines)
 
 
 class RunTab:
@@ -343,7 +354,7 @@ class RunTab:
         side = self._session.rig.linkage.side_m
         self._send(Target(on_plate(xy_m, side, self._session.rig.ball.radius_m)))
 
-    def draw(self, status: SessionStatus, events: list[str]) -> None:
+    def draw(self, status: SessionStatus, events: Sequence[tuple[str, str]]) -> None:
         """Show the status and the newest events; only what changed is sent to the pages."""
         on = status.run is not None
         real = self._session.table.real
@@ -364,7 +375,7 @@ class RunTab:
             self._set(self._step, "content", live(operator_step))
         self._set(self._bar, "value", round(100 * status.share, 1))
         self._set(self._words, "content", live(progress_words(status)))
-        self._set(self._events, "content", "  \n".join(["*Events*", *map(plain, events[::-1])]))
+        self._set(self._events, "content", event_lines(events))
 
     def _set(self, handle: Any, name: str, value: Any) -> None:
         if self._shown.get((id(handle), name)) != value:

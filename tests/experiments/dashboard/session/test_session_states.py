@@ -243,8 +243,10 @@ def test_the_runs_of_a_plan_follow_each_other_and_then_the_virtual_table_balance
         status = desk.session.status
         assert (status.state, status.t_s) == ("running", 0.0)
         assert status.words.endswith(": starting")
+        assert status.shown == "run starting"
         first = desk.loop(1)
         status = desk.session.status
+        assert status.shown == "running"
         assert (status.state, status.t_s, status.run.number, status.run.of) == (
             "running",
             0.5,
@@ -262,6 +264,7 @@ def test_the_runs_of_a_plan_follow_each_other_and_then_the_virtual_table_balance
         second.end(DONE)
         desk.loop(3)
         desk.state("balancing")
+        assert desk.session.status.shown == "balancing"
         assert desk.session.status.words == "the virtual table balances its ball"
         noted = [text for _, text in Notebook.events if text.startswith("pushes")]
         assert noted == ["pushes noted for without", "pushes noted for with"]
@@ -270,6 +273,35 @@ def test_the_runs_of_a_plan_follow_each_other_and_then_the_virtual_table_balance
         assert desk.session.status.last == "Both runs are done: see the tab Results."
         assert not desk.session.may_repeat
         assert desk.events == []
+
+
+def test_between_two_runs_it_is_said_that_the_second_one_starts():
+    with opened() as desk:
+        desk.session.start(desk.plan())
+        desk.loop(1)
+        desk.meanwhile = lambda: shown.append(desk.session.status.shown)
+        shown: list[str] = []
+        desk.loops[0].end(DONE)
+        wait_for("run 2", lambda: shown, PATIENCE_S)
+        assert shown == ["run starting"]
+        desk.loop(2)
+        assert desk.session.status.shown == "running"
+
+
+def test_events_are_kept_behind_the_run_in_which_they_were():
+    with opened() as desk:
+        desk.session.start(desk.plan())
+        first = desk.loop(1)
+        first.say(0.3, "released")
+        first.end(Ending("ball lost", "it fell"))
+        desk.state("pause")
+        desk.session.note("page 1 took over the controls")
+        one = f"run 1 of 2: {PROTOCOL.name}, without play compensation"
+        assert list(desk.session.events) == [
+            (one, "0.3 s: released"),
+            (one, "0.5 s: ball lost: it fell"),
+            ("between runs", "0.0 s: page 1 took over the controls"),
+        ]
 
 
 def test_a_second_start_is_refused_while_the_first_run_has_only_left_the_plan():

@@ -7,6 +7,7 @@ import pytest
 
 from experiments.dashboard.server.controls import ControlLock, Controls
 from experiments.dashboard.server.pages import Pages
+from experiments.dashboard.session.plan import SessionStatus
 from experiments.dashboard.tabs.header import Header
 
 
@@ -52,10 +53,10 @@ def test_a_page_with_a_film_does_not_show_the_state_of_the_live_table():
     session = SimpleNamespace(table=SimpleNamespace(real=False))
     header = Header(SimpleNamespace(gui=gui), controls, pages, session, "virtual", print)  # pyright: ignore[reportArgumentType]
     header.show_film(2, True)
-    header.draw(SimpleNamespace(), SimpleNamespace(state="stopped"), 500.0)  # pyright: ignore[reportArgumentType]
+    header.draw(SimpleNamespace(), SessionStatus("stopped"), 500.0)  # pyright: ignore[reportArgumentType]
     assert (told[1, ""], told[2, ""]) == (True, False)
     header.show_film(2, False)
-    header.draw(SimpleNamespace(), SimpleNamespace(state="stopped"), 500.0)  # pyright: ignore[reportArgumentType]
+    header.draw(SimpleNamespace(), SessionStatus("stopped"), 500.0)  # pyright: ignore[reportArgumentType]
     assert told[2, ""]
 
 
