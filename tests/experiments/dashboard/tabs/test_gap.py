@@ -20,6 +20,7 @@ from experiments.dashboard.session.gap_tasks import (
 from experiments.dashboard.session.tasks import RunSummary, list_runs
 from experiments.dashboard.session.worker_process import WorkItem
 from experiments.dashboard.tabs.gap import GapTab, beside_list, good_runs, left_words
+from experiments.dashboard.tabs.guess import digits
 from experiments.gap.demo import demo_runs
 from experiments.records.recording import write_run
 from rig.log import Log
@@ -113,7 +114,7 @@ def test_the_demo_gives_a_clue_and_compares_the_guess_with_the_truth(gap):
     assert "Guess before it ends" in said
     assert said.count("degrees&#58;") == 4  # of known plays
     assert [one.label for one in tab._gallery._images] == ["The demo's ball, let go"]
-    for axis, degrees in (("x", 1.5), ("y", 1.0)):
+    for axis, degrees in (("x", "1,5"), ("y", "1.")):
         tab._guess._values[axis].now = degrees
     short = ShortAnswer(["Missing: play in the joints."], [], truth="Hidden in the demo: 2.01")
     tab._end(GapAnswer(short, out / "gap.html", [], None, None))
@@ -122,6 +123,21 @@ def test_the_demo_gives_a_clue_and_compares_the_guess_with_the_truth(gap):
     assert line in tab._words.content
     tab._hide(True)
     assert "hidden 2.0" not in tab._words.content
+
+
+def test_a_field_that_nobody_filled_is_no_guess_and_no_play_is_one(gap):
+    make, *_ = gap
+    guess, hidden = make()._guess, {"x": 0.0, "y": 0.02}
+    assert [one.now for one in guess._values.values()] == ["", ""]
+    assert guess.against(hidden) == ""
+    guess._values["x"].now = "0"
+    said = "**Your guess**: x 0.0, hidden 0.0; y not guessed, hidden 1.1 degrees."
+    assert guess.against(hidden) == said
+    for typed in ("1.", "0,25", "", "."):
+        assert digits(typed) == typed  # somebody is still typing
+    for wrong in ("-1", "1e3", "nan", "2 deg", "1" * 9, 1.5, None):
+        with pytest.raises(ValueError, match="a number of degrees"):
+            digits(wrong)
 
 
 def test_runs_that_tell_the_effects_apart_are_ticked_alone():
