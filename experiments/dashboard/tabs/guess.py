@@ -16,7 +16,7 @@ ASKS = "**Guess before it ends**, how much play each axis has."
 
 
 def digits(value: Any) -> str:
-    """What somebody types as a number, as far as he is; "" for none. ValueError: it is no number."""
+    """What somebody types as a number, so far; "" for none. ValueError: it is no number."""
     if not isinstance(value, str) or DIGITS.fullmatch(value) is None:
         raise ValueError("a guess is a number of degrees, such as 1.5")
     return value
