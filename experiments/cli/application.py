@@ -54,6 +54,21 @@ SeedOption = Annotated[int, typer.Option(min=0, help="Seed of everything that is
 OutOption = Annotated[Path, typer.Option("--out", help="Folder for what is made.")]
 
 
+def _tell_version(asked: bool) -> None:
+    if asked:
+        from importlib.metadata import version
+
+        say(f"rig {version('balancing-table-rig')}")
+        raise typer.Exit
+
+
+VERSION = typer.Option("--version", callback=_tell_version, is_eager=True, help="Tell the version.")
+
+
+@app.callback()
+def _options(version: Annotated[bool, VERSION] = False) -> None: ...
+
+
 class WorkFailedError(Exception):
     """The work failed though the input was good: exit code 1."""
 

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
@@ -85,6 +86,11 @@ def test_reproduce_says_of_each_claim_what_matters_and_counts_the_verdicts(
     )
     assert lines[3].startswith("undecided Fig. 10  C: no completed pair of runs")
     assert lines[4].startswith("claims of the paper: holds 2, fails 1, undecided 1 (")
+
+
+def test_the_version_is_told_as_the_package_has_it(capsys):
+    assert call("--version") == 0
+    assert capsys.readouterr().out == f"rig {version('balancing-table-rig')}\n"
 
 
 def test_effects_lists_the_whole_catalogue(capsys):
