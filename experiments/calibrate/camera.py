@@ -33,7 +33,7 @@ from rig.files import first_error_line, json_of
 from rig.parameters import Rig
 from vision.frames import Frame
 from vision.plate.markers import MarkerLayout, default_layout
-from vision.sources.sources import open_source
+from vision.sources.sources import check_address, open_source
 from vision.view import View
 
 VIRTUAL_PICTURES = 24
@@ -155,7 +155,11 @@ def _size(lens: CameraCalibration) -> tuple[int, int]:
 
 
 def _kind(source: str | None) -> Source:
-    return "simulated" if source is None else "measured"
+    """Where the frames come from. FileNotFoundError: nothing is there."""
+    if source is None:
+        return "simulated"
+    check_address(source)
+    return "measured"
 
 
 def _data(source: str | None) -> list[Path]:

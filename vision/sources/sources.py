@@ -30,6 +30,13 @@ from vision.sources.user_camera import UserFeed, load_class, split_address
 STREAM = re.compile(r"^(rtsps?|https?|udp|tcp|rtmp)://")
 
 
+def check_address(address: str) -> None:
+    """Raise FileNotFoundError where the address is none of a live source and nothing is there."""
+    live = split_address(address) or DEVICE.match(address) or STREAM.match(address)
+    if not live and not Path(address).exists():
+        raise FileNotFoundError(f"{address}: no such file or folder; check the address")
+
+
 def open_source(
     address: str | Path | int,
     *,
@@ -64,8 +71,7 @@ def open_source(
         raise ValueError(f"{text}: which camera class in that file? write {text}:MyCamera")
     if path.is_dir():
         return RecordedSource(text, open_folder(path, fps or DEFAULT_FPS))
-    if not path.exists():
-        raise FileNotFoundError(f"{text}: no such file or folder; check the address")
+    check_address(text)
     if path.stat().st_size == 0:
         raise ValueError(f"{text}: the file is empty (0 bytes)")
     return RecordedSource(text, open_file(path))

@@ -13,12 +13,14 @@ import pytest
 from calibration.bundle import load, load_draft
 from calibration.camera.sheet import Sheet
 from calibration.camera.virtual import sheet_pictures
-from calibration.records import fingerprint
+from calibration.records import BacklashRecord, fingerprint
+from experiments.calibrate.folder import CalibrationFolder
 from experiments.calibrate.views import pick
 from experiments.records.recording import read_run
 from experiments.runs.assemble import load_rig
 from experiments.runs.protocol import read_protocol
 from experiments.runs.runner import RunRequest, keep_simulated, run, simulate_run
+from rig.parameters import Rig
 from rig.rigfile import read_rig
 from tests.support.command import call
 from vision.frames import Frame
@@ -192,6 +194,13 @@ def test_bad_input_is_one_line_and_exit_code_2(arguments, message, tmp_path: Pat
     error = capsys.readouterr().err
     assert message in error
     assert error.count("\n") == 1
+
+
+@pytest.mark.parametrize("step", ["camera", "table"])
+def test_a_missing_source_is_told_before_a_folder_of_the_virtual_table(step, tmp_path, capsys):
+    CalibrationFolder(tmp_path, "simulated", Rig()).keep("play", play=BacklashRecord(plays={}))
+    assert call("calibrate", step, "nosuch.png", "--out", tmp_path) == 2
+    assert capsys.readouterr().err.startswith("rig: nosuch.png: no such file or folder")
 
 
 @pytest.mark.parametrize("step", ["camera", "table", "time", "level", "servo", "play"])
