@@ -1,15 +1,16 @@
 """What a calibration found, as a table for a person: quantity, x, y, in units that people read."""
 
-from math import degrees, floor, inf, log10
+from math import degrees, inf
 from typing import Literal
 
 from calibration.bundle import Draft
+from calibration.gap.findings import Interval
+from calibration.gap.report.units import interval_words, sig
 from calibration.records import Value
 
 HEAD = ("quantity", "x", "y")
 AXES: tuple[Literal["x", "y"], ...] = ("x", "y")
-UNEVEN = 0.2  # of half the interval: so far off its middle a value shows its limits; chosen
-_DEG, _MS = (degrees(1), "°"), (1e3, "ms")
+_DEG, _MS = (degrees(1), "deg"), (1e3, "ms")
 _WHERE = {"whole": "gear and joint"}
 _SERVO = {
     "breakaway_positive_V": ("breaks away at, up", 1.0, "V"),
@@ -23,8 +24,8 @@ _POSITION_SERVO = {
     "lag_s": ("lag", *_MS),
     "dead_time_s": ("dead time", *_MS),
     "together_s": ("lag and dead time", *_MS),
-    "rate_limit_rad_s": ("rate limit", degrees(1), "°/s"),
-    "acceleration_limit_rad_s2": ("acceleration limit", degrees(1), "°/s²"),
+    "rate_limit_rad_s": ("rate limit", degrees(1), "deg/s"),
+    "acceleration_limit_rad_s2": ("acceleration limit", degrees(1), "deg/s²"),
     "dead_band_rad": ("dead band", *_DEG),
     "scale": ("scale, beyond 1", 100.0, "%"),
     "zero_rad": ("zero", *_DEG),
@@ -32,19 +33,14 @@ _POSITION_SERVO = {
 
 
 def value_words(one: Value | None, factor: float) -> str:
-    """A value and half its 95 % interval, as `1.72 ± 0.04`, with as many decimals as the interval
-    deserves; its limits where they lie unevenly; "-" for None. factor: to the unit shown.
+    """A value and its 95 % interval, as `1.72 [1.69, 1.76]`, written as in the tab Gap; "-" for
+    None, the value alone where there is no interval. factor: to the unit shown.
     """
     if one is None:
         return "-"
-    value, low, high = (factor * v for v in (one.value, one.low, one.high))
-    half = (high - low) / 2
-    if not 0 < half < inf:
-        return f"{value:.3g}"
-    decimals = min(max(-floor(log10(half / 2)), 0), 6)
-    if abs(value - (high + low) / 2) > UNEVEN * half:
-        return f"{value:.{decimals}f} ({low:.{decimals}f} to {high:.{decimals}f})"
-    return f"{value:.{decimals}f} ± {half:.{decimals}f}"
+    if not 0 < one.high - one.low < inf:
+        return sig(factor * one.value)
+    return interval_words(Interval(one.value, one.low, one.high), "", factor)
 
 
 def found_table(draft: Draft) -> list[list[str]]:

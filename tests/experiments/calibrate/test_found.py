@@ -13,10 +13,10 @@ from experiments.calibrate.found import HEAD, found_table, value_words
 @pytest.mark.parametrize(
     ("value", "words"),
     [
-        (Value.around(1.7234, 0.0371), "1.72 ± 0.04"),
-        (Value.around(45.1, 1.42), "45.1 ± 1.4"),
-        (Value.around(-200.0, 30.0), "-200 ± 30"),
-        (Value(value=1.0, low=0.9, high=2.0), "1.0 (0.9 to 2.0)"),
+        (Value.around(1.7234, 0.0371), "1.72 [1.69, 1.76]"),
+        (Value.around(45.1, 1.42), "45.1 [43.7, 46.5]"),
+        (Value.around(-200.0, 30.0), "-200 [-230, -170]"),
+        (Value(value=1.0, low=0.9, high=2.0), "1.0 [0.9, 2.0]"),
         (Value.around(1.7234, 0.0), "1.72"),
         (Value.around(1.7234, inf), "1.72"),
         (None, "-"),
@@ -36,9 +36,9 @@ def test_every_quantity_is_a_row_with_its_unit_and_both_axes():
         play=BacklashRecord(plays={"whole": {"x": BacklashAxis(width_rad=both["x"])}}),
     )
     assert found_table(draft) == [
-        ["plate's slope at zero [°]", "0.50 ± 0.10", "0.0 ± 0.2"],
-        ["ball's acceleration [m/s² per rad]", "0.70 ± 0.10", "0.80 ± 0.10"],
-        ["play: gear and joint [°]", "0.50 ± 0.10", "-"],
+        ["plate's slope at zero [deg]", "0.50 [0.40, 0.60]", "0.0 [-0.2, 0.2]"],
+        ["ball's acceleration [m/s² per rad]", "0.70 [0.60, 0.80]", "0.80 [0.70, 0.90]"],
+        ["play: gear and joint [deg]", "0.50 [0.40, 0.60]", "-"],
     ]
     assert all(len(row) == len(HEAD) for row in found_table(draft))
     assert found_table(Draft(made=datetime.now(UTC), source="measured")) == []
