@@ -111,10 +111,11 @@ def name_stage(found: Findings, folder: Path) -> Section:
     accepted = [effect.name for effect in found.effects] if found.verdict == "named" else []
     if found.ranking:
         caption = (
-            "The likeliest names. The score is how much better the errors are explained "
-            "(log-likelihood) than by deviations within the tolerances; names joined by = make "
-            "the same data and cannot be told apart by any experiment. Refused: the score was "
-            "enough, but what was asked next was not; the notes say what."
+            "The likeliest names. A probability follows from a score: how much better the name "
+            "explains the errors (log-likelihood, less what its parameters cost) than deviations "
+            "within the tolerances. Names joined by = make the same data and cannot be told apart "
+            "by any experiment. Refused: the score was enough, but what was asked next was not; "
+            "the notes say what."
         )
         figure = figures.ranking(found.ranking, accepted)
         blocks.append(picture(figure, folder, "ranking", caption))
@@ -161,8 +162,8 @@ def prove_stage(found: Findings, folder: Path) -> Section:
     blocks: list[Block] = []
     if len(found.steps) > 1:
         caption = (
-            "The gap effect by effect, on all data (the tables are on held-out data). The dotted "
-            "line is a perfect model."
+            "The gap effect by effect, on all data: its numbers differ from those of the tables, "
+            "which are on held-out data. The dotted line is a perfect model."
         )
         figure = figures.shrinking(found.steps)
         blocks.append(picture(figure, folder, "gap-shrinking", caption))

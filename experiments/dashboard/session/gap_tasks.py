@@ -57,7 +57,7 @@ class GapAnswer:
 
 
 GAP_PICTURES = {
-    "gap-shrinking": "The gap, effect by effect (1 = a perfect model)",
+    "gap-shrinking": "The gap, effect by effect, on all data (1 = a perfect model)",
     "ranking": "The likeliest names",
     "gap-over-state-ball": "Where the ball's model is wrong",
 }
