@@ -20,6 +20,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
 from matplotlib.transforms import blended_transform_factory
 
 from experiments.analysis.samples import ball_samples, run_part
@@ -216,22 +217,25 @@ def _wanted(axis: Axes, log: Log, size: float) -> None:
     if ball.target_moves:
         axis.plot(*(_CM * ball.target_m).T, "--", color=CENTRE, lw=1.4, label="target", zorder=4)
     else:
-        axis.plot(0, 0, "o", color=CENTRE, ms=size, label="centre (desired)", zorder=4)
+        axis.plot(0, 0, "o", color=CENTRE, ms=size, label="centre (desired)", zorder=6)
 
 
 ASIDE_PT = {"without": (14, 26), "with": (-44, -34)}  # of an arm's name from its centroid
-# The smaller mark leaves the other one seen where both lie on one point.
+# Where both lie on one point, each leaves the other one and the centre seen.
 CENTROIDS: dict[str, dict[str, Any]] = {
-    "without": {"marker": "s", "ms": 11, "mec": "k"},
-    "with": {"marker": "X", "ms": 9, "mec": "w"},
+    "without": {"marker": "s", "ms": 14, "mew": 2.2, "mfc": "none"},
+    "with": {"marker": "x", "ms": 11, "mew": 2.6},
 }
+HALO = [withStroke(linewidth=4.5, foreground="w")]
 
 
 def _centroid(axis: Axes, arm: str, xy_cm: np.ndarray) -> None:
     """An arm's centroid in its colour: a square without, a cross with."""
     shape = CENTROIDS["without" if arm == "without" else "with"]
     label = f"centroid, {arm}" if arm in CENTROIDS else "centroid"
-    axis.plot(*xy_cm, color=colour_of(arm), ls="", label=label, zorder=5, **shape)
+    axis.plot(
+        *xy_cm, color=colour_of(arm), ls="", label=label, zorder=5, path_effects=HALO, **shape
+    )
 
 
 def release_scatter(
@@ -252,7 +256,7 @@ def release_scatter(
         where.plot(*xy.T, ".", color=WITHOUT, ms=2.2 * size, label=ARMS["without"])
         xy = ball_cm(with_)[1]
         where.plot(*xy.T, "x", color=WITH, ms=3 * size, mew=0.6, label=ARMS["with"])
-        _wanted(where, with_, 6 * size)
+        _wanted(where, with_, 4.5 * size)
         for arm in sorted(centroids_cm, reverse=True):
             _centroid(where, arm, centroids_cm[arm])
     arrow = {"arrowstyle": "-", "lw": 0.6}
@@ -281,7 +285,7 @@ def pushed_scatter(
     _plate(axis, side_cm)
     xy = ball_cm(log)[1]
     axis.plot(*xy.T, ".", color=colour_of(arm), ms=2.6, label=f"ball, {ARMS.get(arm, arm)}")
-    _wanted(axis, log, 8)
+    _wanted(axis, log, 6)
     if centroid_cm is not None:
         _centroid(axis, arm, centroid_cm)
     axis.legend(loc="lower left", fontsize=9)
