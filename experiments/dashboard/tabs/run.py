@@ -94,7 +94,7 @@ def progress_words(status: SessionStatus) -> str:
     return f"{of}: {plain(status.words)}, {status.t_s:.1f} of {status.duration_s:.1f} s, {left}"
 
 
-def event_lines(events: Sequence[tuple[str, str]]) -> str:
+def events_by_run(events: Sequence[tuple[str, str]]) -> str:
     """Events (what was on, a line) as Markdown, the newest first, below what was on then."""
     lines, above = ["*Events*"], None
     for of, line in reversed(events):
@@ -375,7 +375,7 @@ class RunTab:
             self._set(self._step, "content", live(operator_step))
         self._set(self._bar, "value", round(100 * status.share, 1))
         self._set(self._words, "content", live(progress_words(status)))
-        self._set(self._events, "content", event_lines(events))
+        self._set(self._events, "content", events_by_run(events))
 
     def _set(self, handle: Any, name: str, value: Any) -> None:
         if self._shown.get((id(handle), name)) != value:

@@ -224,8 +224,25 @@ def looks(chromium, page: Hand, program: Program, artefacts: Path) -> Hand:
                 watcher.shot(f"{name.lower()}-{theme}-{width}")
         watcher.press({"light": "Dark", "dark": "Light"}[theme])
         watcher.connected()
+    last_button_in_a_low_window(watcher)
     curves_on_a_phone(watcher)
     return watcher
+
+
+def last_button_in_a_low_window(watcher: Hand) -> None:
+    """Below all that Calibrate found there is one more button, which a wheel reaches."""
+    low = 768
+    watcher.page.set_viewport_size({"width": 1024, "height": low})
+    watcher.tab("Calibrate")
+    button = watcher.page.get_by_role("button", name="Download the sheets to print")
+    watcher.page.mouse.move(840, low - 100)  # on the panel
+    for _ in range(20):
+        watcher.page.mouse.wheel(0, 400)
+        watcher.page.wait_for_timeout(200)
+    box = button.bounding_box()
+    watcher.shot("calibrate-end-1024")
+    assert box is not None
+    assert 0 < box["y"] < box["y"] + box["height"] <= low
 
 
 def curves_on_a_phone(watcher: Hand) -> None:

@@ -1,6 +1,6 @@
 """The events of the tab Run: those of one run below its name."""
 
-from experiments.dashboard.tabs.run import event_lines
+from experiments.dashboard.tabs.run import events_by_run
 
 
 def test_rows_of_a_run_stand_below_its_name_the_newest_run_first():
@@ -10,7 +10,7 @@ def test_rows_of_a_run_stand_below_its_name_the_newest_run_first():
         ("run 2 of 2", "0 s: placed"),
         ("no run", "<b>"),
     ]
-    assert event_lines(events).split("  \n") == [
+    assert events_by_run(events).split("  \n") == [
         "*Events*",
         "**no run**",
         "&#60;b&#62;",
@@ -20,4 +20,4 @@ def test_rows_of_a_run_stand_below_its_name_the_newest_run_first():
         "3 s&#58; released",
         "0 s&#58; placed",
     ]
-    assert event_lines([]) == "*Events*"
+    assert events_by_run([]) == "*Events*"
