@@ -55,12 +55,14 @@ class Feed(Protocol):
 
 
 class CaptureThread:
-    """Thread that reads a feed into a slot for one frame; `overwritten` counts frames not taken."""
+    """Thread that reads a feed into a slot for one frame; `overwritten` counts frames not taken,
+    `finished` tells that the feed came to its regular end, `began_s` when it began."""
 
     def __init__(self, feed: Feed) -> None:
         self.feed = feed
         self.overwritten = 0
-        self.ended = False
+        self.ended = self.finished = False
+        self.began_s = time.monotonic()
         self._news = threading.Condition()
         self._slot: tuple[Any, float] | None = None
         self._garbage: Exception | None = None
@@ -92,18 +94,21 @@ class CaptureThread:
                 self._garbage = error
                 self._news.notify_all()
             return True
-        if got is not None:
-            with self._news:
-                self.overwritten += self._slot is not None
-                self._slot = got
-                self._news.notify_all()
-        return got is not None
+        if got is None:
+            self.finished = not self._stopping
+            return False
+        with self._news:
+            self.overwritten += self._slot is not None
+            self._slot = got
+            self._news.notify_all()
+        return True
 
     def take(self, patience_s: float) -> tuple[Any, float] | None:
         """The newest frame not taken before and its time [s, `time.monotonic`], waiting for it;
         None after the regular end.
 
-        Raises what the feed raised; `StalledError`: nothing came for `patience_s`.
+        Raises what the feed raised, once where that was in closing a finished one;
+        `StalledError`: nothing came for `patience_s`.
         """
         with self._news:
             if not self._news.wait_for(self._has_news, patience_s):
@@ -114,8 +119,9 @@ class CaptureThread:
                 garbage, self._garbage = self._garbage, None
                 raise garbage
             got, self._slot = self._slot, None
-        if got is None and self._end is not None:
-            raise self._end
+        if got is None and (end := self._end) is not None:
+            self._end = None if self.finished else end
+            raise end
         return got
 
     def _has_news(self) -> bool:
@@ -201,7 +207,7 @@ class LiveReader:
             self._down = True
             raise StalledError(f"{self._address}: {error}") from error
         except Exception:
-            self._down = True
+            self._down = not self._capture.finished  # what has ended is not read anew
             raise
         self._check_size(image)
         self._last_s = taken_s
@@ -222,13 +228,14 @@ class LiveReader:
 
     def reconnect(self, timeout_s: float | None = None) -> None:
         """Close the connection and open it again, trying for `timeout_s` (`patience_s` where not
-        given).
+        given), no sooner than `RETRY_S` after it was made.
 
         `SourceError` or `OSError`: that of the last attempt.
         """
         deadline_s = time.monotonic() + (self.patience_s if timeout_s is None else timeout_s)
         self._capture.stop()
         self._down = True
+        time.sleep(max(0.0, self._capture.began_s + RETRY_S - time.monotonic()))
         while True:
             try:
                 pump = CaptureThread(self._connect())

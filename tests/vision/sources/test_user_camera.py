@@ -8,6 +8,7 @@ import time
 import numpy as np
 import pytest
 
+from vision.sources.live import RETRY_S
 from vision.sources.source_errors import StalledError, UserCameraError
 from vision.sources.sources import open_source
 from vision.sources.user_camera import split_address
@@ -247,3 +248,28 @@ def test_a_thread_of_the_camera_keeps_no_program_from_its_end(tmp_path):
         [sys.executable, "-c", program], capture_output=True, text=True, timeout=120, check=False
     )
     assert (done.returncode, int(done.stdout) > 0) == (0, True), done.stderr
+
+
+ONE = f"return None if self.__dict__ else (self.__dict__.update(a=1) or {IMAGE}, time.monotonic())"
+
+
+def test_a_camera_that_has_ended_is_not_opened_anew_where_its_close_fails(tmp_path):
+    text = reading(ONE, before="OPENED = []") + (
+        "\n  def open(self): OPENED.append(1)\n  def close(self): raise RuntimeError('stuck')"
+    )
+    with open_source(write(tmp_path, text)) as source:
+        with pytest.raises(UserCameraError, match="close: RuntimeError: stuck"):
+            list(source)
+        assert list(source) == []
+    assert sys.modules["user_camera_mine"].OPENED == [1]
+
+
+def test_a_camera_that_fails_at_once_is_left_alone_for_a_while(tmp_path):
+    text = reading(ONE.replace("None", "1 / 0"), before="OPENED = []")
+    text += "\n  def open(self): OPENED.append(time.monotonic())"
+    with open_source(write(tmp_path, text)) as source:
+        for _ in range(3):
+            with pytest.raises(UserCameraError, match="ZeroDivisionError"):
+                list(source)
+        next(source)
+    assert np.diff(sys.modules["user_camera_mine"].OPENED).min() >= RETRY_S
