@@ -11,6 +11,7 @@ import math
 import re
 import time
 from collections.abc import Callable
+from functools import cache, partial
 from pathlib import Path
 from types import TracebackType
 
@@ -21,6 +22,7 @@ from vision.sources.addresses import without_password
 from vision.sources.camera_device import DEVICE, open_camera
 from vision.sources.live import PATIENCE_S, Feed, LiveReader
 from vision.sources.mjpeg_http import HttpFeed, NotMultipartError
+from vision.sources.opening import OPEN_S, open_within
 from vision.sources.recorded import DEFAULT_FPS, RecordedFrames, open_file, open_folder
 from vision.sources.repeats import RepeatFilter
 from vision.sources.source_errors import GarbageError, GoneError
@@ -60,8 +62,9 @@ def open_source(
     user = split_address(text)
     if user is not None:
         file, name = user
-        make = load_class(file, name)
-        return _live(text, lambda: UserFeed(file, name, make), patience_s, start_s)
+        make = cache(partial(load_class, file, name))
+        connect = partial(open_within, lambda: UserFeed(file, name, make()), text, OPEN_S)
+        return _live(text, connect, patience_s, start_s)
     if DEVICE.match(text):
         return _live(text, lambda: open_camera(text), patience_s, start_s)
     if STREAM.match(text):
