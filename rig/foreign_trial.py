@@ -25,6 +25,7 @@ START_S = 30.0  # until a copy of this process does anything; chosen: a busy mac
 OBEYS_S = 5.0  # after a signal; chosen: a person waits no longer, a recording is finished in less
 LOOKS_S = 0.1  # so often it is looked whether a copy that got a signal obeys it
 DRAINS_S = 1.0  # until all is heard of a copy that was killed
+OURS = ("builtins", "vision", "rig", "calibration", "experiments")  # whose errors can be read
 # Linux: with this number the kernel ends the calling process when the one that made it dies.
 _PR_SET_PDEATHSIG = 1
 _PRCTL = getattr(ctypes.CDLL(None), "prctl", None) if sys.platform.startswith("linux") else None
@@ -232,7 +233,7 @@ def _sendable(error: BaseException) -> BaseException:
     """The error, or its words where the program could not read it: of a lab's own class."""
     try:
         sent = pickle.loads(pickle.dumps(error))
-        if type(sent).__module__.split(".")[0] in ("builtins", "rig", "experiments", "calibration"):
+        if type(sent).__module__.split(".")[0] in OURS:
             return sent
     except Exception:
         pass

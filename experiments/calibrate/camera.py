@@ -27,6 +27,7 @@ from experiments.calibrate.folder import CalibrationFolder, Source
 from experiments.calibrate.pictures import camera_figure, coverage_picture, plate_picture
 from experiments.calibrate.views import ViewPicker, pick
 from experiments.calibrate.watch import Growing
+from experiments.own_camera import opened, with_camera
 from experiments.records.run_folder import writable
 from experiments.runs.assemble import load_rig, virtual_renderer
 from rig.files import first_error_line, json_of
@@ -104,8 +105,8 @@ def calibrate_camera(
     rig = load_rig(rig_file)
     folder = CalibrationFolder(out, _kind(source), rig)
     layout = default_layout(rig.linkage.side_m)
-    growing = Growing(folder.path, sheet, shown) if shown else None
     if source is None or Path(source).is_dir():
+        growing = Growing(folder.path, sheet, shown) if shown else None
         shots = []
         for image in _virtual_shots(rig, sheet, seed) if source is None else _pictures(source):
             shots.append(image)
@@ -113,7 +114,7 @@ def calibrate_camera(
                 growing.add(image)
         lens = calibrate_images(shots, sheet, distance_m=distance_m, layout=layout)
     else:
-        lens = _from_frames(source, folder, sheet, distance_m, most, seconds, growing)
+        lens = _from_frames(source, folder, sheet, distance_m, most, seconds, shown)
     pictures = [
         coverage_picture(lens.views, _size(lens), folder.path / "coverage.png"),
         camera_figure(lens, folder.path / "camera.png", folder.draft.source),
@@ -184,21 +185,26 @@ def _from_frames(
     distance_m: float,
     most: int,
     seconds: float,
-    growing: Growing | None,
+    shown: Callable[[list[Path]], None] | None,
 ) -> CameraCalibration:
     """The lens from a video or a live camera, with a coverage picture that grows meanwhile."""
 
-    def show(picker: ViewPicker, frame: Frame, kept: bool) -> None:
-        if growing:
-            growing.look(frame.image, picker.views)
-        elif live and kept:
-            coverage_picture(picker.views, picker.size, folder.path / "coverage.png")
-        if live and kept:
-            typer.echo(f"picture {len(picker.views)} of {most}", err=True)
+    def seen(say: Callable[[list[Path]], None]) -> ViewPicker:
+        growing = Growing(folder.path, sheet, say) if shown else None
 
-    with open_source(source) as frames:
-        live = frames.live
-        picker = pick(frames, sheet, most=most, seconds=seconds if live else None, show=show)
+        def show(picker: ViewPicker, frame: Frame, kept: bool) -> None:
+            if growing:
+                growing.look(frame.image, picker.views)
+            elif live and kept:
+                coverage_picture(picker.views, picker.size, folder.path / "coverage.png")
+            if live and kept:
+                typer.echo(f"picture {len(picker.views)} of {most}", err=True)
+
+        with opened(source) as frames:
+            live = frames.live
+            return pick(frames, sheet, most=most, seconds=seconds if live else None, show=show)
+
+    picker = with_camera(source, seen, heard=shown or (lambda told: None))
     if not picker.samples:
         raise CalibrationError(f"{source}: no frames")
     refuse_wrong_sheet(picker.samples, sheet)
@@ -285,5 +291,9 @@ def _level_frames(source: str | None, rig: Rig, frames: int, seed: int) -> Seque
     if source is None:
         made = virtual_renderer(rig, np.random.default_rng([seed, 8]))
         return [made.render(np.eye(3), None) for _ in range(frames)]
-    with open_source(source) as shots:
-        return [frame.image for frame in islice(shots, frames)]
+
+    def seen(_: object) -> list[np.ndarray]:
+        with opened(source) as shots:
+            return [frame.image for frame in islice(shots, frames)]
+
+    return with_camera(source, seen)

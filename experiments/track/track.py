@@ -82,32 +82,50 @@ def track_video(
     has no frames, the colour is unknown, or the frames have another size than the calibration's,
     or `out_dir` would take a file of the address's place.
     """
+    from experiments.own_camera import with_camera
     from vision.detection.appearance import Appearance
-    from vision.sources.sources import open_source
 
     _clear(Path(out_dir), address)
-
     appearance = Appearance.of_colour(ball_colour) if ball_colour else None
+    how = ball_colour, appearance, ball_at
+
+    def work(say: Callable[[tuple[int, int | None]], None]) -> dict[str, Any]:
+        return _tracked(address, Path(out_dir), calibration, how, lambda *told: say(told))
+
+    summary = with_camera(address, work, heard=lambda told: progress(*told) if progress else None)
+    for name in MADE:
+        (Path(out_dir) / f"{EARLIER}{name}").unlink(missing_ok=True)
+    return summary
+
+
+def _tracked(
+    address: str | Path | int,
+    out: Path,
+    calibration: Calibration | None,
+    how: tuple[str | None, Appearance | None, tuple[float, ...] | None],
+    progress: Progress,
+) -> dict[str, Any]:
+    """`track_video` once the folder is clear; how: the ball's colour as asked for, its appearance
+    and place."""
+    from experiments.own_camera import opened
+
+    ball_colour, appearance, ball_at = how
     radius = _radius_bounds(calibration)
-    with open_source(address) as source:
+    with opened(address) as source:
         if calibration is not None:
             calibration.check_size(*source.size)
         if ball_at is not None:
             _check_place(ball_at, source.size)
         tracker = _tracker(address, source.live, appearance, radius, ball_at)
-        out = Path(out_dir)
         out.mkdir(parents=True, exist_ok=True)
         _make_room(out)
-        if progress is not None:
-            progress(0, source.frames_total)
+        progress(0, source.frames_total)
         states, times, troubles = _follow(source, tracker, calibration, out, progress)
         metric = calibration is not None
         summary = _summary(source, tracker, states, times, ball_colour, metric=metric)
         summary["notes"] += troubles
         summary["files"] = [name for name in MADE if name == RESULTS or (out / name).is_file()]
     write_results(out, summary)
-    for name in MADE:
-        (out / f"{EARLIER}{name}").unlink(missing_ok=True)
     return summary
 
 
@@ -201,7 +219,7 @@ def _follow(
     tracker: Tracker | WholeFilm,
     calibration: Calibration | None,
     out: Path,
-    progress: Progress | None,
+    progress: Progress,
 ) -> tuple[Counter[str], list[float], list[str]]:
     """Track every frame into `track.csv`, `overlay.mp4` and `contact_sheet.png`.
 
@@ -247,8 +265,7 @@ def _follow(
                 drawn = np.asarray(cv2.resize(drawn, source.size, interpolation=cv2.INTER_AREA))
             film.add(drawn, frame.t_s)
             sheet.add(drawn)
-            if progress is not None:
-                progress(frame.index + 1, source.frames_total)
+            progress(frame.index + 1, source.frames_total)
     if film.trouble:
         troubles.append(film.trouble)
     return states, times, [*troubles, *_written(sheet, out / SHEET)]

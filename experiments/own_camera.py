@@ -1,0 +1,77 @@
+"""Frames of a camera class of a lab's own, which may print, wait, leave or crash the program."""
+
+import os
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from threading import Timer
+from typing import TYPE_CHECKING, Any, TextIO, TypeVar
+
+from rig.files import printable
+from rig.foreign_trial import LeftError, Tells, in_copy
+from rig.loop.signals import end_by
+
+if TYPE_CHECKING:
+    from vision.sources.sources import Source
+
+T = TypeVar("T")
+SAY_S = 3.0  # chosen: who waits longer for a camera asks whether the program lives
+
+
+@contextmanager
+def opened(address: str | Path | int) -> Iterator["Source"]:
+    """`open_source`, which says on standard error what it waits for where it takes SAY_S."""
+    from vision.sources.addresses import without_password
+    from vision.sources.sources import open_source
+
+    waits = Timer(SAY_S, _say_waiting, (without_password(str(address)),))
+    waits.daemon = True
+    waits.start()
+    try:
+        source = open_source(address)
+    finally:
+        waits.cancel()
+    with source:
+        yield source
+
+
+def _say_waiting(name: str) -> None:
+    with suppress(OSError):  # nobody reads it
+        print(f"opening {printable(name)}: waiting for its first frame", file=sys.stderr)
+
+
+def with_camera(
+    address: str | Path | int,
+    work: Callable[[Callable[[Any], None]], T],
+    *,
+    heard: Callable[[Any], None] = lambda told: None,
+) -> T:
+    """Return `work(say)`, which reads the address; `heard` gets what it says.
+
+    Where the address is a camera class of a lab's own it is done in a copy of this process, whose
+    prints go to standard error, those of compiled code, too. UserCameraError: the class left the
+    program or crashed it; what was written so far stays.
+    """
+    from vision.sources.source_errors import UserCameraError
+    from vision.sources.user_camera import split_address
+
+    if split_address(str(address)) is None:
+        return work(heard)
+
+    def copied(tells: Tells) -> T:
+        tells.begins(str(address), None)
+        return work(tells.say)
+
+    def left(error: LeftError) -> T:
+        if error.number:
+            end_by(error.number)
+        raise UserCameraError(str(error)) from None
+
+    return in_copy(copied, heard=heard, output=_standard_error, passes_on=True, left=left)
+
+
+def _standard_error() -> TextIO:
+    """Standard error anew, for standard output as well: of the whole process."""
+    os.dup2(2, 1)
+    return open(2, "w", buffering=1, errors="backslashreplace", closefd=False)
