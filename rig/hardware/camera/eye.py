@@ -7,10 +7,12 @@ raised by name where the loop reads.
 """
 
 import multiprocessing
+import os
 import threading
 import time
 from collections.abc import Callable, Iterable
 from contextlib import ExitStack, suppress
+from multiprocessing.process import BaseProcess
 from typing import Protocol, Self
 
 import numpy as np
@@ -122,16 +124,25 @@ class CameraEye:
         """Keep the error that ended the seeing, for the loop to raise; nothing once the eye is
         closed.
         """
-        if self.over:
-            return
-        text = f"{type(error).__name__}: {error}"
-        self.trouble.array["text"][0] = encoded(text, TEXT)
-        self.trouble.array["said"][0] = 1
+        self._say(f"{type(error).__name__}: {error}")
+
+    def ended(self, how: str) -> None:
+        """Keep how the program that sees has ended, where it did not say why itself."""
+        with suppress(IndexError):  # closed meanwhile
+            if not self.trouble.array["said"][0]:
+                self._say(f"the camera's program {how}")
+
+    def _say(self, text: str) -> None:
+        with suppress(IndexError):  # closed meanwhile
+            if not self.over:
+                self.trouble.array["text"][0] = encoded(text, TEXT)
+                self.trouble.array["said"][0] = 1
 
     @property
     def over(self) -> bool:
         """Whether seeing is to end: the eye was closed."""
-        return len(self.trouble.array) == 0 or bool(self.trouble.array["over"][0])
+        trouble = self.trouble.array  # of which `close` makes an empty one
+        return len(trouble) == 0 or bool(trouble["over"][0])
 
     def close(self) -> None:
         """Let go of the shared memory; the process that made it frees it, which ends the seeing."""
@@ -168,6 +179,8 @@ def see(eye: CameraEye, opener: Opener) -> None:
 
 def _process(eye: CameraEye, opener: Opener) -> None:
     leave_ctrl_c()
+    with suppress(OSError):  # standard output is the program's: a camera class may print, too
+        os.dup2(2, 1)
     end_with_program()
     see(eye, opener)
     eye.close()
@@ -189,20 +202,24 @@ class Watcher:
             spawn = multiprocessing.get_context("spawn")
             self._worker = spawn.Process(target=_process, args=(eye, opener), daemon=True)
             self._kill = self._worker.kill
+            self._witness = threading.Thread(
+                target=self._tell_its_end, args=(self._worker,), daemon=True, name="camera's end"
+            )
         else:
             self._worker = threading.Thread(target=see, args=(eye, opener), daemon=True)
+            self._witness = None
             self._kill = lambda: None  # a driver that holds a thread lets go when it likes
 
     def __enter__(self) -> Self:
         with signals_held(ending=True):
             self._worker.start()
+        if self._witness is not None:
+            self._witness.start()
         until_s = time.monotonic() + self._patience_s
         try:
             while not self.eye.sights.news:
                 if self.eye.trouble.array["said"][0]:
                     raise CameraStopped(self.eye.trouble.array["text"][0].decode())
-                if not self._worker.is_alive():
-                    raise CameraStopped("no first frame: the program that reads it has ended")
                 if time.monotonic() > until_s:
                     raise CameraStopped(f"no first frame within {self._patience_s:g} s")
                 time.sleep(0.005)
@@ -210,6 +227,13 @@ class Watcher:
             self.__exit__()
             raise
         return self
+
+    def _tell_its_end(self, process: BaseProcess) -> None:
+        """Wait for the end of the process that sees, and tell the loop how that was."""
+        process.join()
+        code = process.exitcode
+        by_signal = code is not None and code < 0
+        self.eye.ended(f"was ended by signal {-code}" if by_signal else f"left (exit code {code})")
 
     def __exit__(self, *_: object) -> None:
         with suppress(IndexError):  # closed already

@@ -1,5 +1,7 @@
 """The eye: newest wins, nothing twice, times on the loop's clock, troubles by name."""
 
+import os
+import signal
 import time
 from collections.abc import Iterator
 from functools import partial
@@ -173,6 +175,40 @@ def test_a_process_sees_too_and_says_its_troubles(eye: CameraEye):
         assert abs(ball.exposed_s - time.monotonic()) < 5.0
         with pytest.raises(CameraStopped, match="unplugged"):
             read(eye, 20.0)
+
+
+class Leaving(FakeCamera):
+    """Prints at every frame; leaves or crashes the program at the fifth, or as it opens."""
+
+    def __init__(self, how: str, at: int = 5) -> None:
+        super().__init__()
+        self.how, self.at = how, at
+
+    def step(self, frame: Frame, rotation_hint: np.ndarray):
+        print("loud")
+        if frame.index == self.at:
+            os._exit(0) if self.how == "exit" else os.kill(os.getpid(), signal.SIGKILL)
+        return super().step(frame, rotation_hint)
+
+
+def leaving(how: str, at: int):
+    return live(10**6), Leaving(how, at)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
+@pytest.mark.parametrize(
+    ("how", "words"), [("exit", r"left \(exit code 0\)"), ("kill", "was ended by signal 9")]
+)
+@pytest.mark.parametrize("at", [0, 5])
+def test_a_process_that_dies_is_told_by_how_it_ended(eye: CameraEye, capfd, how, words, at):
+    eye.begin(0.0)
+    eye.stall_s = 20.0  # of a busy machine: what is told is the end, not the silence
+    with (
+        pytest.raises(CameraStopped, match=f"the camera's program {words}"),
+        Watcher(eye, partial(leaving, how, at)),
+    ):
+        read(eye, 30.0)
+    assert "loud" not in capfd.readouterr().out
 
 
 @pytest.mark.slow
