@@ -4,6 +4,7 @@ what is wrong in one; and written whole or not at all.
 
 import json
 import os
+import re
 import secrets
 import stat
 import tomllib
@@ -114,6 +115,16 @@ def printable(text: object) -> str:
     characters, with "?" for others: it can steer no terminal, and stands in any file as it is.
     """
     return "".join(c if c.isprintable() else "?" for c in " ".join(str(text).split()))
+
+
+_TURNING = re.compile("[\u061c\u200b-\u200f\u202a-\u202e\u2060-\u2069\ufeff]")
+
+
+def upright(text: str) -> str:
+    """Return a text with "?" for characters that are not seen and turn or join those beside them,
+    so that on a page a name from elsewhere reads as what it is.
+    """
+    return _TURNING.sub("?", text)
 
 
 LARGEST = 2**63  # of whole numbers in a TOML file, as TOML itself bounds them
@@ -238,8 +249,9 @@ def toml_of(path: Path) -> dict[str, Any]:
 
 
 def json_of(path: Path, longest: int = LONGEST) -> Any:
-    """Return the data of a JSON file; errors as of `file_text` and `read_json`."""
-    return read_json(file_text(path, longest))
+    """Return the data of a JSON file, with an editor's byte order mark or without; errors as of
+    `file_text` and `read_json`."""
+    return read_json(file_text(path, longest).removeprefix("\ufeff"))
 
 
 def write_whole(

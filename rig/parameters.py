@@ -11,7 +11,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from annotated_types import Gt
 
-from rig import effects
+from rig import effects, section
 from rig.discrepancy import Discrepancy
 from rig.effects import Effect
 from rig.linkage import THREE_ARMS, Linkage
@@ -78,9 +78,9 @@ class Servo(Section):
     gain_rad_s_V: Positive = 1.53
     time_constant_s: Lag = 0.025
     encoder_counts_per_rev: Annotated[int, Gt(0)] = 4096
-    voltage_limit_V: Positive = 6.0
-    angle_limit_rad: Positive = pi / 6  # B
-    stop_rad: Positive = 0.61  # mechanical end stop: assumed; in a file at least the limit
+    voltage_limit_V: section.Volts = 6.0
+    angle_limit_rad: section.Turn = pi / 6  # B
+    stop_rad: section.Turn = 0.61  # mechanical end stop: assumed; in a file at least the limit
     tachometer: bool = True
     tachometer_noise_rad_s: NotNegative = 0.005  # assumed (brush ripple), at the load shaft
     tachometer_scale: Finite = 0.0  # relative error of the plant's tachometer; A allows 2 %

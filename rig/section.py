@@ -18,6 +18,8 @@ Length = Annotated[Finite, Interval(gt=1e-4, le=5)]  # m
 Size = Annotated[Finite, Interval(ge=0, le=5)]  # m; 0: none
 Mass = Annotated[Finite, Interval(gt=1e-6, le=10)]  # kg
 Wait = Annotated[Finite, Interval(ge=0, le=10)]  # s; 0: none
+Volts = Annotated[Finite, Interval(gt=0, le=100)]  # V
+Turn = Annotated[Finite, Interval(gt=0, le=10)]  # rad; ten is a turn and a half
 Lag = Annotated[Finite, Interval(gt=0, le=10)]  # s
 
 

@@ -15,7 +15,7 @@ from jinja2 import Environment, PackageLoader
 
 from experiments.analysis.metrics import NUMBERS_TOLD
 from experiments.reports.units import unbroken
-from rig.files import write_ours
+from rig.files import upright, write_ours
 
 
 @dataclass(frozen=True)
@@ -117,7 +117,7 @@ def write_page(
         title=title, summary=summary, sections=sections, sorts=sorts, **content
     )
     # Names of files need not be text.
-    write_ours(path, text.encode(errors="replace"), PROGRAM.encode())
+    write_ours(path, upright(text).encode(errors="replace"), PROGRAM.encode())
     return path
 
 

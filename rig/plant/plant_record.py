@@ -133,9 +133,12 @@ def step_growth(p: np.record) -> float:
     ]
     shafts[1][0, 0] += p["motor_damping"][0]
     per_torque = np.array([p["motor_per_torque"][0], p["arm_per_torque"], p["plate_per_torque"]])
-    turned, kept = (-per_torque[:, None] * one for one in shafts)
-    kept, h = np.eye(3) + kept, p["step_s"]
-    step = np.block([[np.eye(3) + h * turned, h * kept], [turned, kept]])
+    with np.errstate(all="ignore"):
+        turned, kept = (-per_torque[:, None] * one for one in shafts)
+        kept, h = np.eye(3) + kept, p["step_s"]
+        step = np.block([[np.eye(3) + h * turned, h * kept], [turned, kept]])
+    if not np.isfinite(step).all():
+        return inf
     return float(np.abs(np.linalg.eigvals(step)).max())
 
 

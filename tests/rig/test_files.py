@@ -17,6 +17,7 @@ from rig.files import (
     StrictModel,
     file_bytes,
     first_error_line,
+    json_of,
     part_of,
     printable,
     put_aside,
@@ -115,6 +116,12 @@ def test_a_bad_toml_file_is_one_line(text: str, words: str):
     with pytest.raises(ValueError, match=words) as caught:
         read_toml(text)
     assert str(caught.value).startswith("not a TOML file (")
+
+
+def test_an_editors_byte_order_mark_is_no_fault(tmp_path: Path):
+    path = tmp_path / "any.json"
+    path.write_bytes(b"\xef\xbb\xbf" + b'{"a": 1}')
+    assert json_of(path) == {"a": 1}
 
 
 def test_long_lists_of_numbers_are_no_dotted_keys():

@@ -3,6 +3,7 @@
 import re
 
 from experiments.reports.units import unbroken
+from rig.files import upright
 
 LONGEST = 500  # characters; chosen: some lines of a panel
 _PUNCTUATION = re.compile(r"[!-/:-@\[-`{-~]")  # of ASCII: whatever HTML or Markdown may read
@@ -31,7 +32,7 @@ def measured(text: object) -> str:
 
 
 def _line(text: object) -> str:
-    line = " ".join(as_unicode(text).split())
+    line = " ".join(upright(as_unicode(text)).split())
     return line if len(line) <= LONGEST else line[: LONGEST - 1] + "…"
 
 

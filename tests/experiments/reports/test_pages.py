@@ -17,6 +17,13 @@ def test_a_page_of_ones_own_is_kept_and_an_earlier_report_is_replaced(tmp_path: 
     assert len(list(tmp_path.iterdir())) == 2
 
 
+def test_a_title_cannot_turn_the_words_beside_it(tmp_path: Path):
+    page = write_page(tmp_path / "a.html", title="a\u202elmth", summary=["\u2067b"], sections=[])
+    text = page.read_text(encoding="utf-8")
+    assert "a?lmth" in text
+    assert "?b" in text
+
+
 def test_a_folder_whose_name_is_no_text_has_a_page(tmp_path: Path):
     name = os.fsdecode(b"u-\xff")
     page = write_page(tmp_path / "report.html", title=name, summary=[], sections=[])

@@ -1,5 +1,6 @@
 """A drive that the integration step cannot follow is refused; what leaves all bounds is named."""
 
+import re
 from dataclasses import replace
 from math import inf
 
@@ -44,6 +45,13 @@ def test_a_drive_is_refused_if_and_only_if_its_simulation_diverges(monkeypatch, 
         plant_record.pack(rigs[1])
     monkeypatch.setattr(plant_record, "GROWTH_MARGIN", inf)
     assert diverges(rigs[1])
+
+
+@pytest.mark.parametrize("key", ["plate_inertia_kg_m2", "gear_stiffness_nm_rad"])
+def test_a_drive_beyond_the_range_of_numbers_is_refused_by_the_same_line(key: str):
+    value = 5e-324 if key.startswith("plate") else 1e308
+    with pytest.raises(ValueError, match=re.escape(f"{key} = {value:g}")):
+        plant_record.pack(replace(Rig(), drive=replace(Drive(), **{key: value})))
 
 
 def test_the_shipped_rigs_can_be_simulated():

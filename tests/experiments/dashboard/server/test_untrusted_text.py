@@ -35,6 +35,10 @@ def test_a_number_and_its_unit_stay_on_one_line(said, lines):
     assert html.unescape(measured(said)).split(" ") == [x.replace(" ", "\u00a0") for x in lines]
 
 
+def test_a_name_cannot_turn_the_words_beside_it():
+    assert html.unescape(plain("a\u202egnp.exe\u2066\u200b")) == "a?gnp.exe??"
+
+
 def test_a_long_text_is_cut_off():
     assert html.unescape(plain("a<" * LONGEST)).endswith("a…")
     assert len(html.unescape(plain("a<" * LONGEST))) == LONGEST
