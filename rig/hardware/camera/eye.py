@@ -231,9 +231,8 @@ class Watcher:
     def _tell_its_end(self, process: BaseProcess) -> None:
         """Wait for the end of the process that sees, and tell the loop how that was."""
         process.join()
-        code = process.exitcode
-        by_signal = code is not None and code < 0
-        self.eye.ended(f"was ended by signal {-code}" if by_signal else f"left (exit code {code})")
+        code = process.exitcode or 0
+        self.eye.ended(f"was ended by signal {-code}" if code < 0 else f"left (exit code {code})")
 
     def __exit__(self, *_: object) -> None:
         with suppress(IndexError):  # closed already
