@@ -35,6 +35,7 @@ INTERRUPTED = 130
 # place that takes no file.
 NO_FILES = (errno.EISDIR, errno.ENOTDIR, errno.EROFS)
 BAD_NAMES = (errno.ENAMETOOLONG, errno.ELOOP, errno.EINVAL, *NO_FILES)
+NO_THREAD = "can't start new thread"  # Python's own words
 LONGEST_LINE = 1000  # characters; chosen: a page of a terminal
 SHIPPED = (Path(__file__).parents[1] / "protocols").glob("*.toml")
 PROTOCOLS = ", ".join(sorted(path.stem for path in SHIPPED))
@@ -366,6 +367,8 @@ def main() -> None:
     except Exception as error:
         if hasattr(error, "format_message"):  # the parser's own usage errors
             _fail(usage_words(error, sys.argv), 2)
+        if isinstance(error, RuntimeError) and str(error) == NO_THREAD:
+            _fail("no thread can be started here: end other programs, or raise `ulimit -u`", 1)
         _fail(f"{type(error).__name__}: {error}", 1)
 
 

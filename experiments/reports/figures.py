@@ -35,6 +35,7 @@ HELPS_HURTS = (
 SOURCES = {"simulated": "virtual rig", "measured": "measured"}
 _CM = 100.0
 TIME_IN = 4.8, 2.5  # of figures over time; chosen: half a sheet's width leaves letters of 7 points
+matplotlib.rcdefaults()  # a matplotlibrc of the user's is for figures of theirs
 plt.rcParams.update(
     {
         "font.size": 10,

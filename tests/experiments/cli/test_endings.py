@@ -104,3 +104,19 @@ def test_a_standard_output_that_is_full_ends_with_one_line():
     assert done.returncode == 1
     assert done.stderr.startswith("rig: [Errno 28] No space left on device")
     assert done.stderr.count("\n") == 1
+
+
+def test_a_machine_that_starts_no_thread_is_named_with_its_cure():
+    no_thread = """
+import sys, threading
+def start(self):
+    raise RuntimeError("can't start new thread")
+threading.Thread.start = start
+sys.argv = ["rig", "effects"]
+from experiments.cli import main
+"""
+    code, words = told(no_thread)
+    assert code == 1
+    assert words.startswith("rig: no thread can be started here: ")
+    assert "ulimit -u" in words
+    assert words.count("\n") == 1
