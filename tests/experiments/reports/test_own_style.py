@@ -12,7 +12,7 @@ def test_a_matplotlibrc_of_the_users_changes_no_figure(tmp_path: Path):
     (tmp_path / "matplotlibrc").write_text("text.usetex: True\naxes.labelsize: 500\n")
     code = (
         "from experiments.reports.figures import plt\n"
-        "print(plt.rcParams['text.usetex'], plt.rcParams['axes.labelsize'], plt.get_backend())"
+        "print(plt.rcParams['text.usetex'], plt.rcParams['axes.labelsize'], plt.get_backend().lower())"
     )
     done = subprocess.run(
         [sys.executable, "-c", code],
