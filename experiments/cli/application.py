@@ -336,10 +336,8 @@ def main() -> None:
     # Before numpy: every process that a command starts inherits it. `calibration.linear_algebra`.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
-        with leave_on_signals(_print):
-            code = app(
-                prog_name="rig", standalone_mode=False
-            )  # the parser makes an interruption a returned 130
+        with leave_on_signals(_print):  # the parser makes an interruption a returned 130
+            code = app(prog_name="rig", standalone_mode=False)
         if code == INTERRUPTED:
             raise KeyboardInterrupt
         if sys.stdout is not None:

@@ -104,7 +104,7 @@ def swing_forces(t: np.ndarray, a: np.ndarray, at: np.ndarray, hz: float) -> np.
     found = np.zeros((len(at), 2, 2))
     for k, damping in enumerate((0.0, MOST_SWING_DAMPING)):
         over, under = bilinear([-1.0, -2.0 * damping * w, 0.0], below, 1.0 / SWING_STEP_S)
-        felt = lfilter(over, under, a - a[0], axis=0)
+        felt = np.asarray(lfilter(over, under, a - a[0], axis=0))
         for axis in range(2):
             found[:, axis, k] = np.interp(at, t, felt[:, axis])
     return found
