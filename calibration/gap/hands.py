@@ -18,7 +18,8 @@ from calibration.gap.decision_rule import DOUBTED_PROBABILITY, SURE_Z
 from calibration.gap.held_out import gained, held_out
 from calibration.gap.model.parameters import BALL
 from calibration.gap.name.decide import Decision, verdict_of
-from calibration.gap.unnamed.basis import WINDOWS_S, UnnamedTerm
+from calibration.gap.unnamed.along import WINDOWS_S
+from calibration.gap.unnamed.term import UnnamedTerm
 from calibration.gap.unnamed.wording import when
 from rig.prediction.innovations import Signals
 

@@ -39,7 +39,7 @@ from calibration.gap.model.parameters import BALL, CALIBRATED, FALL_KEY, SERVO
 from calibration.gap.model.state import State, outputs_of
 from calibration.gap.name.stepwise import Accepted
 from calibration.gap.prove import model_of
-from calibration.gap.unnamed.basis import UnnamedTerm
+from calibration.gap.unnamed.term import UnnamedTerm
 
 OFFSETS = ("level_offset", "voltage_offset")  # effects whose size is a constant
 JOINT = "joint_backlash"

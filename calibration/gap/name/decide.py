@@ -25,7 +25,8 @@ from calibration.gap.name.bootstrap import ChanceScores, chance_scores
 from calibration.gap.name.naming_steps import NamingStep, Tell, untold
 from calibration.gap.name.refit import CandidateFit
 from calibration.gap.name.stepwise import Accepted, Naming, name_effects
-from calibration.gap.unnamed.basis import UnnamedTerm, unnamed_terms
+from calibration.gap.unnamed.basis import unnamed_terms
+from calibration.gap.unnamed.term import UnnamedTerm
 
 # Families of terms that act throughout and hold no effect with a name, as a map holds a level.
 HOLDS_NO_NAMES = ("rhythm", "swaying", "turning", "slipping", "swinging")

@@ -4,23 +4,22 @@ Families, each linear in its k coefficients c. A model can hold (`rig.discrepanc
 over the plate, volts over the servo's angle, or the angle by which it is drawn off where it takes
 one), a dependence on speed, one rhythm and one segment of time; it cannot hold pushes at several
 times, the forces of a ball that slips or is heavy on a side, those of a plate that swings behind
-its servos, and a rhythm of its own on each axis
-(`calibration.gap.unnamed.forces`).
+its servos, and a rhythm of its own on each axis (`calibration.gap.unnamed.along`).
 A periodogram proposes the frequency, a matched filter the windows. With the other parameters free
 within their tolerance boxes, the score is
 
     S = G - PENALTY_PER_PARAMETER k - SEARCH_PENALTY (for each frequency or window searched)
 
-with G what the secants promise or, of what a model holds but a segment, by how much the cost falls
-where that is more; 0 where the term's RMS along the recorded motion is below what counts
+with G what the secants promise or, but of a segment and of pushes, by how much the cost falls where
+that is more; 0 where the term's RMS along the recorded motion is below what counts
 (`_least_felt`).
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 
 import numpy as np
-from scipy.signal import correlate, lfilter
+from scipy.signal import correlate
 
 from calibration.gap.decision_rule import MIN_FELT, PENALTY_PER_PARAMETER, SEARCH_PENALTY
 from calibration.gap.model.cost import weights
@@ -34,59 +33,21 @@ from calibration.gap.model.fit import (
 )
 from calibration.gap.model.parameters import BALL, SERVO
 from calibration.gap.model.state import State
-from calibration.gap.unnamed.forces import (
-    as_one,
-    pushes,
-    slipping_forces,
-    swaying_forces,
-    swinging_forces,
-    turning_forces,
+from calibration.gap.unnamed.along import (
+    UNIT_BALL,
+    WINDOWS_S,
+    Nuisance,
+    along_the_motion,
+    pushed,
 )
 from calibration.gap.unnamed.peaks import peaks
+from calibration.gap.unnamed.term import UnnamedTerm
 from rig.discrepancy import Discrepancy, discrepancy_acceleration, pack, servo_discrepancy
 
 PUSH_S = 0.05  # of a push whose response is that of any force; chosen
-WINDOWS_S = (0.3, 0.6, 1.2, 2.5, 5.0, 10.0)
 ORDERS = (1, 2, 3)  # of a map over the plate
 SMOOTHING_SAMPLES = 15  # of a servo's speed: encoder counts are steps
-# Size of the trial coefficients: of a ball [m/s2], a servo that takes volts [V], or an angle [rad].
-UNIT_BALL, UNIT_VOLTS, UNIT_ANGLE = 0.02, 0.02, 0.002
-
-
-@dataclass(frozen=True, eq=False)
-class UnnamedTerm:
-    """An unnamed term: its output, its kind (map, speed, rhythm, segment, turning, slipping,
-    swinging, swaying or pushes), score, coefficients (`unknown`), and the state with it in its
-    model, not yet predicted with it (`plain` is without). The model cannot hold the last five:
-    their `unknown` and state are those without, and `felt_m_s2` is their RMS by axis. `windows_s`:
-    of pushes, when, and `runs`: in which run; `rhythms_hz`: of what sways, by axis."""
-
-    output: str
-    kind: str
-    score: float
-    unknown: Discrepancy
-    state: State
-    windows_s: tuple[tuple[float, float], ...] = ()
-    runs: tuple[int, ...] = ()
-    felt_m_s2: tuple[float, float] = (0.0, 0.0)
-    rhythms_hz: tuple[float, float] = (0.0, 0.0)
-
-    @property
-    def channel(self) -> str:
-        """The channel that the term moves most."""
-        if self.output != BALL:
-            return self.output
-        size = [
-            sum(
-                float(np.sum(np.square(value)))
-                for name, value in vars(self.unknown).items()
-                if name.startswith("ball") and name.endswith(axis) and isinstance(value, tuple)
-            )
-            + (self.unknown.ball_segment["xy".index(axis)] ** 2)
-            + felt**2
-            for axis, felt in zip("xy", self.felt_m_s2, strict=True)
-        ]
-        return "ball_x" if size[0] >= size[1] else "ball_y"
+UNIT_VOLTS, UNIT_ANGLE = 0.02, 0.002  # trial coefficients of a servo [V], of its angle [rad]
 
 
 def unnamed_terms(state: State) -> list[UnnamedTerm]:
@@ -115,16 +76,8 @@ def _terms_of(state: State, output: str) -> Iterator[UnnamedTerm]:
     alone: list[tuple[float, float]] = []
     if output == BALL and all(state.evidence.ball_axes):
         answer = _answer(state)
-        yield _along(state, nuisance, "turning", turning_forces(state), answer)
-        for forces in slipping_forces(state):
-            yield _along(state, nuisance, "slipping", forces[:, :, None], answer, low=0.0)
-        for forces in swinging_forces(state):
-            searched = SEARCH_PENALTY
-            yield _along(state, nuisance, "swinging", forces, answer, low=0.0, searched=searched)
-        yield from _swaying(state, nuisance, answer)
-        found = _pushed(state, answer)
-        if len(found) > 1:
-            yield _pushes(state, nuisance, answer, found)
+        found = pushed(state, answer)
+        yield from along_the_motion(state, nuisance, answer, found)
         t = state.evidence.times(BALL)[0][::2]
         alone = [(float(t[i]), float(t[j - 1])) for i, j in found[:1] if len(found) == 1]
     units = [(f"{side}_segment", "xy".index(a)) for a in axes]
@@ -146,7 +99,7 @@ def _term(units: list[Unit], sizes: np.ndarray, fixed: dict, base: Discrepancy) 
     return Discrepancy(**values)
 
 
-def _nuisance(state: State, output: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def _nuisance(state: State, output: str) -> Nuisance:
     """Secants (n, k) of the free parameters of an output, room below and above, steps."""
     bounds = state.bounds((output,))
     parameters = [state.nominal.parameters[name] for name in bounds]
@@ -162,7 +115,7 @@ def _fitted(
     output: str,
     kind: str,
     units: list[Unit],
-    nuisance: tuple,
+    nuisance: Nuisance,
     fixed: dict,
     searched: float = 0.0,
 ) -> UnnamedTerm:
@@ -317,82 +270,3 @@ def _answer(state: State) -> np.ndarray:
         return np.zeros(0)
     step_s = float(np.median(np.concatenate([np.diff(r.exposed_s) for r in state.evidence.runs])))
     return answer / (UNIT_BALL * max(round(PUSH_S / step_s), 1))
-
-
-def _pushed(state: State, answer: np.ndarray) -> list[tuple[int, int]]:
-    """The rows of the exposures at which pushes of the ball begin and end, in order; `answer`: of
-    `_answer`."""
-    t, run = (column[::2] for column in state.evidence.times(BALL))
-    if not len(answer):
-        return []
-    z = state.fit.z(BALL)
-    w = weights(z, state.evidence.masks[BALL]).reshape(-1, 2)
-    step_s = float(np.median(np.diff(t)))
-    rows = [max(round(length / step_s), 1) for length in WINDOWS_S]
-    cost = 2 * PENALTY_PER_PARAMETER + SEARCH_PENALTY
-    answers = [np.convolve(answer, np.ones(m)) for m in rows]
-    found = pushes(z.reshape(-1, 2), w, run, answers, cost)
-    return as_one([(i, i + rows[j], size) for i, j, size in found], rows[0], run)
-
-
-def _pushes(
-    state: State, nuisance: tuple, answer: np.ndarray, found: list[tuple[int, int]]
-) -> UnnamedTerm:
-    """Pushes of the ball at several times, each of its own size."""
-    t, run = (column[::2] for column in state.evidence.times(BALL))
-    forces = np.zeros((len(t), 2, 2 * len(found)))
-    for k, (first, end) in enumerate(found):
-        forces[first:end, [0, 1], [2 * k, 2 * k + 1]] = 1.0
-    term = _along(state, nuisance, "pushes", forces, answer, searched=SEARCH_PENALTY * len(found))
-    windows_s = tuple((float(t[i]), float(t[j - 1])) for i, j in found)
-    return replace(term, windows_s=windows_s, runs=tuple(int(run[i]) for i, _ in found))
-
-
-def _swaying(state: State, nuisance: tuple, answer: np.ndarray) -> Iterator[UnnamedTerm]:
-    """A rhythm of its own on each axis, as of a floor; none where an axis has no frequency."""
-    hz = tuple(peaks(state, BALL, (a,))[:1] for a in range(2))
-    if all(hz):
-        (x_hz,), (y_hz,) = hz
-        forces = swaying_forces(state.evidence.times(BALL)[0][::2], (x_hz, y_hz))
-        searched = 2 * SEARCH_PENALTY
-        term = _along(state, nuisance, "swaying", forces, answer, searched=searched)
-        yield replace(term, rhythms_hz=(x_hz, y_hz))
-
-
-def _along(
-    state: State,
-    nuisance: tuple,
-    kind: str,
-    forces: np.ndarray,
-    answer: np.ndarray,
-    *,
-    low: float = -np.inf,
-    searched: float = 0.0,
-) -> UnnamedTerm:
-    """A term c f of the ball that the model cannot hold: forces f (n, 2, k) along the recorded
-    motion [m/s2], to which the innovations answer as to many short pushes (`_answer`), and their
-    sizes c (k,), none below `low`. `nuisance`: columns, room below and above, and steps of the
-    parameters that are free beside it; `searched`: what the search for the forces costs.
-    """
-    k, begin = forces.shape[2], 0
-    term = UnnamedTerm(BALL, kind, -PENALTY_PER_PARAMETER * k, state.nominal.rig.unknown, state)
-    if not len(answer) or not k:
-        return term
-    columns = np.zeros_like(forces)
-    for run in state.evidence.runs:
-        end = begin + len(run.exposed_s)
-        if end > begin:
-            columns[begin:end] = lfilter(answer, [1.0], forces[begin:end], axis=0)
-        begin = end
-    joint = np.column_stack([nuisance[0], columns.reshape(-1, k)])
-    only = ParameterFit(state.fit.setting, {BALL: state.fit.rolls[BALL]}, {})
-    a, b = normal_equations(state.evidence, only, {BALL: joint})
-    least = np.append(nuisance[1], np.full(k, low))
-    most = np.append(nuisance[2], np.full(k, np.inf))
-    size = np.sqrt(np.mean(np.square(forces), axis=(0, 1))) + 1e-12
-    step = bounded_step(a, b, least, most, np.append(nuisance[3], UNIT_BALL / size))
-    felt = np.sqrt(np.mean(np.square(forces @ step[-k:]), axis=0))
-    if np.sqrt(np.mean(felt**2)) < MIN_FELT["ball"]:
-        return term
-    gain = -float(0.5 * step @ a @ step + b @ step)
-    return replace(term, score=gain + term.score - searched, felt_m_s2=tuple(felt.tolist()))

@@ -6,7 +6,7 @@ from math import degrees
 import numpy as np
 
 from calibration.gap.model.parameters import BALL
-from calibration.gap.unnamed.basis import UnnamedTerm
+from calibration.gap.unnamed.term import UnnamedTerm
 from rig.discrepancy import Discrepancy
 
 MOST_TOLD = 4  # of the windows of pushes

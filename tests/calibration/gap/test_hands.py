@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from calibration.gap import hands, investigate
-from calibration.gap.unnamed.basis import UnnamedTerm
+from calibration.gap.unnamed.term import UnnamedTerm
 from rig.log import Log
 from rig.prediction.innovations import Signals
 from rig.rigfile import read_rig

@@ -32,7 +32,7 @@ from calibration.gap.specification import (
     misfit_of_a_fall,
     untimely,
 )
-from calibration.gap.unnamed.basis import UnnamedTerm
+from calibration.gap.unnamed.term import UnnamedTerm
 from rig.discrepancy import Discrepancy
 from rig.log import Log
 from rig.rigfile import read_rig
