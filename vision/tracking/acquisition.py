@@ -210,8 +210,7 @@ class Acquisition:
         ranked = self._ranked(frame, reach)
         if not ranked or ranked[0][1].last_s != frame.t_s:
             return None
-        score, best = ranked[0]
-        others = [(s, x) for s, x in ranked[1:] if best.rivals(x)]
+        (score, best), others = ranked[0], ranked[1:]
         n, lasted_s, moves = len(best.times), best.last_s - best.times[0], best.travel(reach) > 1.0
         if n < 0.6 * best.looks or (not moves and (best.other or best.leapt)):
             return None

@@ -105,13 +105,6 @@ class Thing:
         apart = self.last.far(other.last) > self.radius_px + other.radius_px
         return not apart and abs(math.log(self.radius_px / other.radius_px)) < math.log(LARGER)
 
-    def rivals(self, other: Thing) -> bool:
-        """Whether another thing may be the ball in its stead; not what is on its disc, as a
-        highlight is, nor what overlaps it."""
-        smaller = other.radius_px < self.radius_px
-        on = smaller and self.last.far(other.last) < self.radius_px
-        return not (on or self.overlaps(other))
-
     @property
     def round(self) -> float:
         """How round it usually is, see `Sighting`."""

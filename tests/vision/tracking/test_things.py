@@ -140,16 +140,6 @@ def test_a_dark_ball_at_rest_is_no_shadow_of_what_lies_apart_or_is_as_dark():
     assert {t.radius_px for t in things.all if things.is_part(t, REACH)} == {4}
 
 
-def test_what_overlaps_a_ball_or_lies_on_it_is_no_rival_but_a_disc_that_holds_it_is():
-    ball = lambda k: sighting(200, 200, 12)  # noqa: E731
-    shadow = lambda k: sighting(212, 208, 13)  # noqa: E731
-    glint = lambda k: sighting(196, 196, 4)  # noqa: E731
-    disc = lambda k: sighting(200, 210, 30)  # noqa: E731
-    mark = lambda k: sighting(200, 230, 12)  # noqa: E731
-    best, *others = watched(ball, shadow, glint, disc, mark).all
-    assert [best.rivals(x) for x in others] == [False, False, True, True]
-
-
 def test_a_dark_ball_is_no_shadow_of_the_highlight_on_it():
     ball = lambda k: sighting(200 + 15 * k, 200, 25, bgr=SHADE)  # noqa: E731
     glint = lambda k: sighting(181 + 15 * k, 200, 5, bgr=GLINT)  # noqa: E731
