@@ -12,7 +12,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from vision.detection.pixels import LUMA
 from vision.tracking.sightings import FAINT, FLAT, Sighting, same_place
 
 # Of the image's longer side: a mark at the edge of a plate tilted by 6 degrees shifts by 1 %.
@@ -89,21 +88,14 @@ class Thing:
         return self.last.seen.framed < 1.0
 
     @property
-    def light(self) -> np.ndarray:
-        """Shares (3,) of the light beside it that it usually shows, by channel."""
-        looks = [s.appearance for s in self.sightings]
-        return np.median([(x.ball_bgr + 1.0) / (x.surround_bgr + 1.0) for x in looks], 0)
-
-    @property
     def shadowy(self) -> bool:
         """Whether it is what lies beside it, darker: as a shadow, or a black ball, is."""
-        return bool(self.light.max() < SHADED and np.ptp(self.light) < TINTED)
-
-    def overlaps(self, other: Thing) -> bool:
-        """Whether two discs about as large overlap, as those of two solid things seldom do: a ball,
-        and its shadow with a part of it."""
-        apart = self.last.far(other.last) > self.radius_px + other.radius_px
-        return not apart and abs(math.log(self.radius_px / other.radius_px)) < math.log(LARGER)
+        shares = [
+            (s.appearance.ball_bgr + 1.0) / (s.appearance.surround_bgr + 1.0)
+            for s in self.sightings
+        ]
+        share = np.median(shares, 0)
+        return bool(share.max() < SHADED and np.ptp(share) < TINTED)
 
     @property
     def round(self) -> float:
@@ -268,8 +260,8 @@ class Things:
 
     def is_part(self, thing: Thing, reach_px: float) -> bool:
         """Whether it is of another thing: a highlight in its place on a ball, the shadow of a ball
-        that overlaps it or moves with it, or a highlight that moves with the shadow of a ball that
-        is not seen. `reach_px`: what counts as travelling."""
+        that moves with it, or a highlight that moves with the shadow of a ball that is not seen.
+        `reach_px`: what counts as travelling."""
         return any(_is_of(thing, other, reach_px) for other in self.all if other is not thing)
 
     def has_twin(self, thing: Thing, reach_px: float) -> bool:
@@ -298,9 +290,6 @@ def _look_alike(thing: Thing, other: Thing) -> bool:
 
 def _is_of(thing: Thing, other: Thing, reach_px: float) -> bool:
     """Whether a thing is a part or the shadow of another, or has its shadow; see `is_part`."""
-    beside = other.missed < HIDDEN and thing.overlaps(other)
-    if beside and LUMA @ thing.light < SHADED <= LUMA @ other.light:
-        return True
     at = dict(zip(other.times, other.sightings, strict=True))
     pairs = [(s, at[t]) for t, s in zip(thing.times, thing.sightings, strict=True) if t in at]
     if len(pairs) < max(2, 0.5 * len(thing.times)):
@@ -318,12 +307,9 @@ def _is_of(thing: Thing, other: Thing, reach_px: float) -> bool:
         or away > AWAY * (thing.radius_px + other.radius_px)
     ):
         return False
-    beyond = away > thing.radius_px + other.radius_px
-    if larger and beyond:
+    if larger and away > thing.radius_px + other.radius_px:
         return True
-    # A highlight that lies on a much larger thing is its own and casts no shadow.
-    alike = thing.radius_px < LARGER * other.radius_px and away > 0.7 * thing.radius_px
-    return (beyond or alike) and thing.shadowy and not other.shadowy
+    return away > 0.7 * thing.radius_px and thing.shadowy and not other.shadowy
 
 
 def _unlike(thing: Thing, new: list[Sighting], t_s: float) -> list[float]:

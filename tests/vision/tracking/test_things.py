@@ -124,29 +124,6 @@ def test_a_shadow_that_moves_with_its_ball_is_not_the_ball_whichever_is_surer():
     assert {t.radius_px: things.is_part(t, REACH) for t in things.all} == {12: False, 13: True}
 
 
-def test_a_shadow_that_overlaps_its_ball_is_not_the_ball_though_both_rest():
-    ball = lambda k: sighting(200, 200, 12, bgr=(20.0, 200.0, 250.0), evidence=1.0)  # noqa: E731
-    shadow = lambda k: sighting(212, 208, 13, bgr=SHADE, evidence=2.0)  # noqa: E731
-    things = watched(ball, shadow, looks=1)
-    assert {t.radius_px: things.is_part(t, REACH) for t in things.all} == {12: False, 13: True}
-
-
-def test_a_dark_ball_at_rest_is_no_shadow_of_what_lies_apart_or_is_as_dark():
-    ball = lambda k: sighting(200, 200, 12, bgr=(20.0, 20.0, 20.0))  # noqa: E731
-    shadow = lambda k: sighting(212, 208, 13, bgr=SHADE)  # noqa: E731
-    glint = lambda k: sighting(196, 196, 4, bgr=GLINT)  # noqa: E731
-    disc = lambda k: sighting(200, 240, 12, bgr=GLINT)  # noqa: E731
-    things = watched(ball, shadow, glint, disc)
-    assert {t.radius_px for t in things.all if things.is_part(t, REACH)} == {4}
-
-
-def test_a_dark_ball_is_no_shadow_of_the_highlight_on_it():
-    ball = lambda k: sighting(200 + 15 * k, 200, 25, bgr=SHADE)  # noqa: E731
-    glint = lambda k: sighting(181 + 15 * k, 200, 5, bgr=GLINT)  # noqa: E731
-    things = watched(ball, glint)
-    assert {t.radius_px: things.is_part(t, REACH) for t in things.all} == {25: False, 5: True}
-
-
 def test_a_black_ball_is_no_shadow_and_neither_is_a_still_dark_mark():
     ball = lambda k: sighting(200 + 15 * k, 200, 12, bgr=(20.0, 20.0, 20.0))  # noqa: E731
     shadow = lambda k: sighting(215 + 15 * k, 212, 13, bgr=SHADE)  # noqa: E731
