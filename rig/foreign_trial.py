@@ -68,7 +68,7 @@ class _Line:
         self._there.send(("said", told))
 
 
-class _Here:
+class Here:
     """Where no copy can be made: nothing is bounded, all is heard at once."""
 
     def __init__(self, heard: Callable[[Any], None]) -> None:
@@ -94,7 +94,8 @@ def in_copy(
     heard: called with what the work says; output: made in the copy, of what is printed there;
     passes_on: signals that end the program go to the copy, which tells how it ended; a copy that
     goes on after a second one, or OBEYS_S after the first, is killed. Processes that the copy
-    leaves behind are ended with it; on Linux the copy ends with the program, whatever ends that.
+    leaves behind are ended with it; on Linux the copy ends with the program, whatever ends that. It
+    has a group of its own, to which no keyboard speaks: it reads an end of input there.
 
     left: returns the result where a part hung, left the program or crashed, even in compiled code,
     or was killed (default: raise that LeftError); signals still wait for it. Else what the work
@@ -102,7 +103,7 @@ def in_copy(
     one, unguarded.
     """
     if not hasattr(os, "fork"):
-        return work(_Here(heard))
+        return work(Here(heard))
     program, (here, there) = os.getpid(), Pipe(duplex=False)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)  # of threads: the copy uses none
@@ -218,6 +219,7 @@ def _copy(
             os._exit(0)
         with suppress(OSError):
             os.setpgid(0, 0)
+            os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
         sys.stdout = sys.stderr = output()
         there.send(("good", work(_Line(there))))
     except BaseException as error:

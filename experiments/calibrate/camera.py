@@ -20,7 +20,7 @@ from calibration.camera.pages import write_pdf, write_png
 from calibration.camera.pictures import refuse_blurred_pictures, refuse_wrong_sheet
 from calibration.camera.plate import level_pose
 from calibration.camera.prints import sheet_files
-from calibration.camera.sheet import CalibrationError, Sheet
+from calibration.camera.sheet import CalibrationError, Sheet, SheetView
 from calibration.camera.virtual import sheet_pictures
 from calibration.records import MarkersRecord
 from experiments.calibrate.folder import CalibrationFolder, Source
@@ -31,6 +31,7 @@ from experiments.own_camera import opened, with_camera
 from experiments.records.run_folder import writable
 from experiments.runs.assemble import load_rig, virtual_renderer
 from rig.files import first_error_line, json_of
+from rig.foreign_trial import Tells
 from rig.parameters import Rig
 from vision.frames import Frame
 from vision.plate.markers import MarkerLayout, default_layout
@@ -189,8 +190,8 @@ def _from_frames(
 ) -> CameraCalibration:
     """The lens from a video or a live camera, with a coverage picture that grows meanwhile."""
 
-    def seen(say: Callable[[list[Path]], None]) -> ViewPicker:
-        growing = Growing(folder.path, sheet, say) if shown else None
+    def seen(tells: Tells) -> tuple[list[SheetView], list[np.ndarray], tuple[int, int]]:
+        growing = Growing(folder.path, sheet, tells.say) if shown else None
 
         def show(picker: ViewPicker, frame: Frame, kept: bool) -> None:
             if growing:
@@ -200,17 +201,18 @@ def _from_frames(
             if live and kept:
                 typer.echo(f"picture {len(picker.views)} of {most}", err=True)
 
-        with opened(source) as frames:
+        with opened(source, tells) as frames:
             live = frames.live
-            return pick(frames, sheet, most=most, seconds=seconds if live else None, show=show)
+            found = pick(frames, sheet, most=most, seconds=seconds if live else None, show=show)
+        return found.views, found.samples, found.size
 
-    picker = with_camera(source, seen, heard=shown or (lambda told: None))
-    if not picker.samples:
+    views, samples, size = with_camera(source, seen, heard=shown or (lambda told: None))
+    if not samples:
         raise CalibrationError(f"{source}: no frames")
-    refuse_wrong_sheet(picker.samples, sheet)
-    if len(picker.views) < MIN_VIEWS:
-        refuse_blurred_pictures(picker.samples, len(picker.views))
-    return calibrate_views(picker.views, sheet, picker.size, distance_m=distance_m)
+    refuse_wrong_sheet(samples, sheet)
+    if len(views) < MIN_VIEWS:
+        refuse_blurred_pictures(samples, len(views))
+    return calibrate_views(views, sheet, size, distance_m=distance_m)
 
 
 def calibrate_table(
@@ -292,8 +294,8 @@ def _level_frames(source: str | None, rig: Rig, frames: int, seed: int) -> Seque
         made = virtual_renderer(rig, np.random.default_rng([seed, 8]))
         return [made.render(np.eye(3), None) for _ in range(frames)]
 
-    def seen(_: object) -> list[np.ndarray]:
-        with opened(source) as shots:
+    def seen(tells: Tells) -> list[np.ndarray]:
+        with opened(source, tells) as shots:
             return [frame.image for frame in islice(shots, frames)]
 
     return with_camera(source, seen)

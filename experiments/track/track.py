@@ -20,6 +20,7 @@ from rig.files import freed, naming, put_aside
 if TYPE_CHECKING:
     import numpy as np
 
+    from rig.foreign_trial import Tells
     from vision.detection.appearance import Appearance
     from vision.frames import Frame, Track
     from vision.sources.sources import Source
@@ -89,8 +90,8 @@ def track_video(
     appearance = Appearance.of_colour(ball_colour) if ball_colour else None
     how = ball_colour, appearance, ball_at
 
-    def work(say: Callable[[tuple[int, int | None]], None]) -> dict[str, Any]:
-        return _tracked(address, Path(out_dir), calibration, how, lambda *told: say(told))
+    def work(tells: Tells) -> dict[str, Any]:
+        return _tracked(address, Path(out_dir), calibration, how, tells)
 
     summary = with_camera(address, work, heard=lambda told: progress(*told) if progress else None)
     for name in MADE:
@@ -103,7 +104,7 @@ def _tracked(
     out: Path,
     calibration: Calibration | None,
     how: tuple[str | None, Appearance | None, tuple[float, ...] | None],
-    progress: Progress,
+    tells: Tells,
 ) -> dict[str, Any]:
     """`track_video` once the folder is clear; how: the ball's colour as asked for, its appearance
     and place."""
@@ -111,7 +112,7 @@ def _tracked(
 
     ball_colour, appearance, ball_at = how
     radius = _radius_bounds(calibration)
-    with opened(address) as source:
+    with opened(address, tells) as source:
         if calibration is not None:
             calibration.check_size(*source.size)
         if ball_at is not None:
@@ -119,8 +120,8 @@ def _tracked(
         tracker = _tracker(address, source.live, appearance, radius, ball_at)
         out.mkdir(parents=True, exist_ok=True)
         _make_room(out)
-        progress(0, source.frames_total)
-        states, times, troubles = _follow(source, tracker, calibration, out, progress)
+        tells.say((0, source.frames_total))
+        states, times, troubles = _follow(source, tracker, calibration, out, tells)
         metric = calibration is not None
         summary = _summary(source, tracker, states, times, ball_colour, metric=metric)
         summary["notes"] += troubles
@@ -219,7 +220,7 @@ def _follow(
     tracker: Tracker | WholeFilm,
     calibration: Calibration | None,
     out: Path,
-    progress: Progress,
+    tells: Tells,
 ) -> tuple[Counter[str], list[float], list[str]]:
     """Track every frame into `track.csv`, `overlay.mp4` and `contact_sheet.png`.
 
@@ -265,7 +266,7 @@ def _follow(
                 drawn = np.asarray(cv2.resize(drawn, source.size, interpolation=cv2.INTER_AREA))
             film.add(drawn, frame.t_s)
             sheet.add(drawn)
-            progress(frame.index + 1, source.frames_total)
+            tells.say((frame.index + 1, source.frames_total))
     if film.trouble:
         troubles.append(film.trouble)
     return states, times, [*troubles, *_written(sheet, out / SHEET)]

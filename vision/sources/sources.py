@@ -11,7 +11,6 @@ import math
 import re
 import time
 from collections.abc import Callable
-from functools import cache, partial
 from pathlib import Path
 from types import TracebackType
 
@@ -22,7 +21,6 @@ from vision.sources.addresses import without_password
 from vision.sources.camera_device import DEVICE, open_camera
 from vision.sources.live import PATIENCE_S, Feed, LiveReader
 from vision.sources.mjpeg_http import HttpFeed, NotMultipartError
-from vision.sources.opening import OPEN_S, open_within
 from vision.sources.recorded import DEFAULT_FPS, RecordedFrames, open_file, open_folder
 from vision.sources.repeats import RepeatFilter
 from vision.sources.source_errors import GarbageError, GoneError
@@ -33,10 +31,11 @@ STREAM = re.compile(r"^(rtsps?|https?|udp|tcp|rtmp)://")
 
 
 def check_address(address: str) -> None:
-    """Raise FileNotFoundError where the address is none of a live source and nothing is there."""
-    live = split_address(address) or DEVICE.match(address) or STREAM.match(address)
-    if not live and not Path(address).exists():
-        raise FileNotFoundError(f"{address}: no such file or folder; check the address")
+    """Raise FileNotFoundError where the address is of a file, and nothing is there."""
+    path, _ = split_address(address) or (Path(address), "")
+    live = DEVICE.match(address) or STREAM.match(address)
+    if not live and not path.exists():
+        raise FileNotFoundError(f"{path}: no such file or folder; check the address")
 
 
 def open_source(
@@ -62,9 +61,8 @@ def open_source(
     user = split_address(text)
     if user is not None:
         file, name = user
-        make = cache(partial(load_class, file, name))
-        connect = partial(open_within, lambda: UserFeed(file, name, make()), text, OPEN_S)
-        return _live(text, connect, patience_s, start_s)
+        make = load_class(file, name)
+        return _live(text, lambda: UserFeed(file, name, make), patience_s, start_s)
     if DEVICE.match(text):
         return _live(text, lambda: open_camera(text), patience_s, start_s)
     if STREAM.match(text):

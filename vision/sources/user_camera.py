@@ -12,9 +12,7 @@ The address is "mine.py:MyCamera". The class needs no base class, only this:
 `image` is a numpy array of uint8, (h, w, 3) in BGR order or (h, w) grey; it is copied, the class
 may use its buffer again. `t_s` is the middle of the exposure on the clock of `time.monotonic()`,
 and increases from frame to frame. `read` may block: it runs in a thread of its own, and so does
-`close`. What opens the camera, from loading the file on, has a thread of its own, too, and
-`vision.sources.opening.OPEN_S` for it; none of them is the main one, which alone can set handlers
-of signals. What `read` raises stops the frames until a new object of the class could be opened.
+`close`. What it raises stops the frames until a new object of the class could be opened.
 """
 
 from __future__ import annotations
