@@ -117,12 +117,12 @@ def printable(text: object) -> str:
     return "".join(c if c.isprintable() else "?" for c in " ".join(str(text).split()))
 
 
-_TURNING = re.compile("[\u061c\u200b-\u200f\u202a-\u202e\u2060-\u2069\ufeff]")
+_TURNING = re.compile("[\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069]")
 
 
 def upright(text: str) -> str:
-    """Return a text with "?" for characters that are not seen and turn or join those beside them,
-    so that on a page a name from elsewhere reads as what it is.
+    """Return a text with "?" for characters that are not seen and turn those beside them, so that
+    on a page a name from elsewhere reads as what it is (Unicode's bidirectional formats).
     """
     return _TURNING.sub("?", text)
 

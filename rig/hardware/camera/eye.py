@@ -213,10 +213,10 @@ class Watcher:
     def __enter__(self) -> Self:
         with signals_held(ending=True):
             self._worker.start()
-        if self._witness is not None:
-            self._witness.start()
         until_s = time.monotonic() + self._patience_s
         try:
+            if self._witness is not None:
+                self._witness.start()
             while not self.eye.sights.news:
                 if self.eye.trouble.array["said"][0]:
                     raise CameraStopped(self.eye.trouble.array["text"][0].decode())
@@ -231,8 +231,9 @@ class Watcher:
     def _tell_its_end(self, process: BaseProcess) -> None:
         """Wait for the end of the process that sees, and tell the loop how that was."""
         process.join()
-        code = process.exitcode or 0
-        self.eye.ended(f"was ended by signal {-code}" if code < 0 else f"left (exit code {code})")
+        code = process.exitcode
+        how = "ended" if code is None else f"left (exit code {code})"
+        self.eye.ended(f"was ended by signal {-code}" if code and code < 0 else how)
 
     def __exit__(self, *_: object) -> None:
         with suppress(IndexError):  # closed already

@@ -36,7 +36,7 @@ def test_a_number_and_its_unit_stay_on_one_line(said, lines):
 
 
 def test_a_name_cannot_turn_the_words_beside_it():
-    assert html.unescape(plain("a\u202egnp.exe\u2066\u200b")) == "a?gnp.exe??"
+    assert html.unescape(plain("a\u202egnp.exe\u2066\u200d")) == "a?gnp.exe?\u200d"
 
 
 def test_a_long_text_is_cut_off():
