@@ -5,8 +5,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.signal import lfilter
 
 from calibration.gap import investigate
+from calibration.gap.model.parameters import BALL
+from calibration.gap.unnamed.basis import _answer
 from calibration.gap.unnamed.forces import (
     MOST_SWING_DAMPING,
     SWING_DAMPING,
@@ -17,8 +20,10 @@ from calibration.gap.unnamed.forces import (
     slip_force,
     swing_forces,
 )
+from rig.discrepancy import Discrepancy
 from rig.log import Log
 from rig.rigfile import read_rig
+from tests.support.gap.tables import evidence_of, released
 from tests.support.worlds import WORLDS, logs
 from tests.support.worlds.loops import followed
 from tests.support.worlds.plant import G_m_s2, STEP_s, ball_step
@@ -104,6 +109,23 @@ def test_another_plants_plate_swings_the_same():
     felt = plate - asked
     assert np.abs(told[:, 0] - felt).max() < 0.02 * np.abs(felt).max()
     np.testing.assert_allclose(told[:, 1], 2.0 * told[:, 0])
+
+
+@pytest.mark.parametrize("hz", [0.7, 2.0, 4.0])
+def test_residuals_answer_to_a_force_as_to_pushes_about_each_exposure(hz: float):
+    """A rhythm, which a model can hold, is predicted by the model and by the answer to a push."""
+    columns, _, _ = WORLDS["plain"](2)
+    evidence = evidence_of(Log.from_columns(columns))
+    state = released(evidence, ("viscous_drag", "xy"))
+    size = 0.1
+    rhythm = Discrepancy(ball_rhythm_x=(size, 0.0), ball_rhythm_hz=hz)
+    model = state.nominal.with_unknown(rhythm).model(state.fit.setting)
+    felt = (evidence.roll(model, BALL).z - state.fit.z(BALL))[::2]
+    t = evidence.times(BALL)[0][::2]
+    force = size * np.sin(2.0 * np.pi * hz * t)
+    told = lfilter(_answer(state), [1.0], force)
+    late = t > t[0] + 3.0  # what was before the log is not in the answer
+    assert np.sqrt(np.mean((told - felt)[late] ** 2)) < 0.2 * np.sqrt(np.mean(felt[late] ** 2))
 
 
 def test_a_plate_that_stays_does_not_swing():

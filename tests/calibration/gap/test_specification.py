@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from numpy.polynomial.legendre import legvander
 
+from calibration.gap import investigate
 from calibration.gap.constancy import TREND_ORDERS, inconstancy, trend_of_one_run
 from calibration.gap.decision_rule import (
     FAMILY_P,
@@ -340,3 +341,13 @@ def test_a_ripple_that_takes_away_the_tilt_of_a_ball_at_rest_is_no_certain_one(
     names = [ripple, Accepted(beside, ("xy",), 100.0, ())]
     assert bool(held_at_rest(state, ripple, names, {across: Spread(std, 30, 30.0)})) == doubted
     assert held_at_rest(state, names[1], names, {}) == ""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [3934, 3935])
+def test_an_elastic_belt_is_no_certain_name(seed: int, tmp_path: Path):
+    columns, file, _ = WORLDS["elastic_belt"](seed)
+    (tmp_path / "rig.toml").write_text(file, "utf-8")
+    found = investigate([Log.from_columns(columns)], read_rig(tmp_path / "rig.toml"), quick=True)
+    assert found.findings.verdict in ("unknown-effect", "undecided")
+    assert all(one.probability <= 0.5 for one in found.findings.effects)
