@@ -1,15 +1,14 @@
 """Frames of a camera class of a lab's own, which may print, wait, leave or crash the program."""
 
-import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from threading import Timer
-from typing import TYPE_CHECKING, Any, TextIO, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from rig.files import printable
-from rig.foreign_trial import Here, LeftError, Tells, in_copy
+from rig.foreign_trial import Here, LeftError, Tells, in_copy, standard_error
 from rig.loop.signals import end_by
 
 if TYPE_CHECKING:
@@ -69,11 +68,4 @@ def with_camera(
             end_by(error.number)
         raise UserCameraError(str(error)) from None
 
-    return in_copy(work, heard=heard, output=_standard_error, passes_on=True, left=left)
-
-
-def _standard_error() -> TextIO:
-    """Standard error anew, for standard output as well: of the whole process."""
-    with suppress(OSError):
-        os.dup2(2, 1)
-    return open(2, "w", buffering=1, errors="backslashreplace", closefd=False)
+    return in_copy(work, heard=heard, output=standard_error, passes_on=True, left=left)

@@ -125,6 +125,14 @@ def in_copy(
             copy.end()
 
 
+def standard_error() -> TextIO:
+    """Standard error anew (the program's own may be a progress bar's, with a lock), and for what is
+    written to standard output as well: `output` of a copy whose prints are to be seen."""
+    with suppress(OSError):
+        os.dup2(2, 1)
+    return open(2, "w", buffering=1, errors="backslashreplace", closefd=False)
+
+
 class _Copy:
     """The copy as the program sees it; signal: the first that was passed on to it, 0: none."""
 

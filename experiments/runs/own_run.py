@@ -4,14 +4,14 @@ from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
 import numpy as np
 
 from experiments.records.recording import recover
 from experiments.runs.runner import FinishedRun, RunRequest, run
 from rig.control.user_controller import CONTROL_S, END_S, START_S
-from rig.foreign_trial import LeftError, Tells, in_copy
+from rig.foreign_trial import LeftError, Tells, in_copy, standard_error
 from rig.loop.loop import Ending, ending_of
 from rig.loop.signals import end_by, stop_of
 
@@ -48,7 +48,7 @@ def run_own(request: RunRequest, *, progress: Callable[[float], None]) -> Finish
 
     work = partial(_run, request)
     try:
-        return in_copy(work, heard=heard, output=_standard_error, passes_on=True, left=left)
+        return in_copy(work, heard=heard, output=standard_error, passes_on=True, left=left)
     except OSError as error:  # perhaps of the copy alone, of which the controller took its files
         ending = ending_of(error)
         with suppress(OSError, ValueError):
@@ -68,8 +68,3 @@ def _run(request: RunRequest, tells: Tells) -> FinishedRun:
 
     tells.begins(name, None)
     return run(request, progress=tells.say, begun=tells.say, called=called)
-
-
-def _standard_error() -> TextIO:
-    """Standard error anew: the program's own may be a progress bar's, with a lock."""
-    return open(2, "w", buffering=1, errors="backslashreplace", closefd=False)
