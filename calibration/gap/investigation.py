@@ -28,7 +28,7 @@ from calibration.gap.prove import floors, model_of, prove, rms, steps
 from calibration.gap.report import findings_of_decision, wording
 from calibration.gap.unnamed import basis
 from calibration.gap.unnamed.wording import describe, formula
-from calibration.gap.veto import certain_alone, decide_by_proof
+from calibration.gap.veto import decide_by_proof
 from calibration.linear_algebra import single_threaded
 from rig.log import Log
 from rig.parameters import Rig
@@ -106,8 +106,7 @@ def investigate(
         if hands.counts(of_rest, decision):
             decision, doubts = hands.agreed(of_rest, decision)
             refuted = (hands.note(touches), *more, *doubts)
-    decision, doubtful = certain_alone(decision)
-    notes += refuted + doubtful
+    notes += refuted
     report("name", len(NamingStep), len(NamingStep))
     report("add and prove", 0, 1)
     found = _findings(decision, until, notes, quick=quick)

@@ -29,8 +29,7 @@ what a name gains 1 s ahead (`calibration.gap.held_out`), C the cost one sample 
    So has a drift that a single run tells and does not show to be even; and a constant beside a term
    without a name that depends on the place, which has a mean.
 
-Where none of the names is certain, the verdict is "undecided", or "unknown-effect" where all are
-doubted beside something without a name (`certain_alone`). Where there is none, every parameter
+Where none of the names is certain, the verdict is "undecided". Where there is none, every parameter
 of the model has to be a constant (`calibration.gap.constancy`), or an effect without a name is
 missing.
 
@@ -115,21 +114,6 @@ def decide_by_proof(before: State, tell: Tell = untold) -> tuple[Decision, tuple
     if not decision.accepted and (change := changing(plain(decision.state))):
         decision = replace(decision, verdict="unknown-effect", change=change)
     return decision, reasons
-
-
-def certain_alone(decision: Decision) -> tuple[Decision, tuple[str, ...]]:
-    """The decision without its names where all of them are doubted (DOUBTED_PROBABILITY) beside
-    what is left without a name, which is certain and is looked for anew; and the reasons in words.
-    """
-    doubted = all(one.explained <= DOUBTED_PROBABILITY for one in decision.accepted)
-    if decision.unnamed is None or not (decision.accepted and doubted):
-        return decision, ()
-    reason = "what is left without a name is certain, and this is not"
-    reasons = tuple(f"not named: {one.name}: {reason}" for one in decision.accepted)
-    anew = _without(replace(decision, unnamed=None), decision.accepted, all_harm=False)
-    if anew.unnamed is None:
-        anew = _without(decision, decision.accepted, all_harm=False)
-    return anew, reasons
 
 
 def _beside_refuted(decision: Decision, first: Decision) -> tuple[Decision, tuple[str, ...]]:

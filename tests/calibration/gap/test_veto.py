@@ -15,10 +15,9 @@ from calibration.gap.investigation import investigate
 from calibration.gap.model.intervals import Spread
 from calibration.gap.model.parameters import NominalModel
 from calibration.gap.model.state import State
-from calibration.gap.name.decide import Decision, decide, significant, verdict_of
-from calibration.gap.name.stepwise import Accepted, Naming, settled_baseline
-from calibration.gap.unnamed.basis import unnamed_terms
-from calibration.gap.veto import _faint, _not_a_size, certain_alone, decide_by_proof, judge
+from calibration.gap.name.decide import Decision, decide
+from calibration.gap.name.stepwise import Accepted, settled_baseline
+from calibration.gap.veto import _faint, _not_a_size, decide_by_proof, judge
 from rig.log import Log
 from tests.support.gap.tables import RIG, evidence_of, foreign, released
 from tests.support.worlds import WORLDS
@@ -201,37 +200,6 @@ def test_beside_a_refuted_name_that_predicts_better_none_is_certain(monkeypatch,
     told, reasons = veto._beside_refuted(later, first)
     assert (told.accepted[0].probability > 0.9) == certain
     assert bool(reasons) != certain
-
-
-@pytest.mark.parametrize(
-    ("explained", "unnamed", "verdict"),
-    [
-        ((0.5, 0.5), "fan", "unknown-effect"),
-        ((0.5, 0.7), "fan", "named"),
-        ((0.5, 0.5), None, "undecided"),
-    ],
-)
-def test_names_that_are_all_doubted_do_not_stand_beside_something_unnamed(
-    explained: tuple[float, float], unnamed: str | None, verdict: str
-):
-    columns, _, _ = WORLDS["fan"](2603)
-    state = released(evidence_of(Log.from_columns(columns)), ("viscous_drag", "xy"))
-    before = settled_baseline(state.evidence, state.nominal)
-    left = significant(unnamed_terms(before))
-    assert left is not None
-    accepted = tuple(
-        Accepted(name, ("xy",), 50.0, (), explained=share)
-        for name, share in zip(("viscous_drag", "camera_scale"), explained, strict=True)
-    )
-    left = left if unnamed else None
-    naming = Naming(before, before, accepted, (), (), [])
-    decision = Decision(verdict_of(accepted, left), naming, accepted, left, before)
-    told, reasons = certain_alone(decision)
-    assert told.verdict == verdict
-    dropped = verdict == "unknown-effect"
-    assert bool(told.accepted) != dropped
-    assert len(reasons) == 2 * dropped
-    assert (told.unnamed is None) == (unnamed is None)
 
 
 @pytest.mark.parametrize("falls", [False, True])
