@@ -42,8 +42,7 @@ def along_the_motion(
     for forces in slipping_forces(state):
         yield _along(state, nuisance, "slipping", forces[:, :, None], answer, low=0.0)
     for forces in swinging_forces(state):
-        searched = SEARCH_PENALTY
-        yield _along(state, nuisance, "swinging", forces, answer, low=0.0, searched=searched)
+        yield _along(state, nuisance, "swinging", forces, answer, low=0.0, searched=SEARCH_PENALTY)
     yield from _swaying(state, nuisance, answer)
     if len(found) > 1:
         yield _pushes(state, nuisance, answer, found)

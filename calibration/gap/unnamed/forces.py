@@ -17,8 +17,8 @@ Rigid Bodies, part 2, 1905, chapter 5.) The motion of the plate itself is left o
 **Swinging.** A plate behind elastic rods or an elastic shaft follows its servos by w^2/D(s) with
 D(s) = s^2 + 2 zeta w s + w^2, so that beyond what they ask for the ball feels -(s^2 + 2 zeta w s)/D
 of it. Where w and the zeta of D are given, this is linear in two sizes, neither below 0: of the
-same without damping, -s^2/D, and with the most that a swing has. A delay or lag, which has -T s and
-no such s^2, is out of their reach.
+same without damping, -s^2/D, and with the most that a swing has. A delay or lag has -T s
+without that -s^2, so that only a short one looks like it.
 
 **Pushes.** Hands or gusts give constant forces from one time to another. They are found one after
 the other (matching pursuit: Mallat and Zhang, IEEE Trans. Signal Proc. 41, 1993): of residuals
