@@ -107,7 +107,7 @@ def in_copy(
     program, (here, there) = os.getpid(), Pipe(duplex=False)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)  # of threads: the copy uses none
-        pid = os.fork()
+        pid = _fork()
     if pid == 0:
         _copy(program, there, work, output)
     there.close()
@@ -123,6 +123,23 @@ def in_copy(
             return left(error)
         finally:
             copy.end()
+
+
+def _fork() -> int:
+    """`os.fork`, with OpenCV's threads ended before: a copy has none of them, and waits for them for
+    ever. It does with one, this process has as many as before."""
+    cv2 = sys.modules.get("cv2")
+    if cv2 is None:
+        return os.fork()
+    threads = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    pid = -1
+    try:
+        pid = os.fork()
+    finally:
+        if pid:
+            cv2.setNumThreads(threads)
+    return pid
 
 
 def standard_error() -> TextIO:
