@@ -1,9 +1,11 @@
-"""Connections that have not shown the token: few at a time, so that nobody uses up the door.
+"""Connections that have not shown the token: few at a time, so that nobody uses up the door; and
+pages that have: heard so often that none keeps STOP of another one waiting.
 
 Each costs a descriptor of the program, of which a system may allow as few as 1024; a run needs some
 for its processes and files.
 """
 
+import asyncio
 import time
 from contextlib import suppress
 from typing import Any
@@ -12,6 +14,8 @@ MOST_WAITING = 256  # chosen: a quarter of 1024 descriptors; asyncio accepts 100
 # chosen: of 3000 connects a second, beside a busy program, every STOP came through at once; after
 # 1 s a flood holds all places so long that most STOPs find none
 HEARD_S = 0.1
+# Messages of all pages together; chosen: of eight pages on which somebody drags and looks around.
+HEARD_HZ, AT_ONCE_S = 500.0, 1.0
 WANTED_FILES = 4096  # chosen: four times the usual limit
 
 
@@ -20,16 +24,21 @@ def crowd_limit() -> tuple[type, Any]:
 
     When more than `MOST_WAITING` have not passed, the oldest is dropped if it has waited longer
     than HEARD_S, else the newest: what an older one asks for may be there and not be read yet.
+    HEARD_HZ messages a second are read, as many of each connection that spoke in the last
+    AT_ONCE_S, and at most those of AT_ONCE_S at once; who sends more waits.
     """
     from websockets.asyncio.server import ServerConnection
 
     waiting: dict[ServerConnection, float] = {}  # since when, in the order in which they came
+    speaking: dict[ServerConnection, float] = {}  # when last, in the order in which they did
 
     def passed(connection: ServerConnection) -> None:
         waiting.pop(connection, None)
 
     class CountedConnection(ServerConnection):
-        """A connection that is counted until it has passed or is gone."""
+        """A connection that is counted until it has passed or is gone, and heard in measure."""
+
+        _heard_to_s = 0.0  # the time up to which its messages use up what it may say
 
         def connection_made(self, transport: Any) -> None:
             super().connection_made(transport)
@@ -41,8 +50,20 @@ def crowd_limit() -> tuple[type, Any]:
                 passed(dropped)
                 dropped.transport.abort()
 
+        async def recv(self, decode: bool | None = None) -> Any:
+            now_s = time.monotonic()
+            speaking.pop(self, None)
+            speaking[self] = now_s
+            while now_s - next(iter(speaking.values())) > AT_ONCE_S:
+                del speaking[next(iter(speaking))]
+            self._heard_to_s = max(self._heard_to_s, now_s) + len(speaking) / HEARD_HZ
+            if (ahead_s := self._heard_to_s - now_s - AT_ONCE_S) > 0.0:
+                await asyncio.sleep(ahead_s)
+            return await super().recv(decode)
+
         def connection_lost(self, exc: Exception | None) -> None:
             passed(self)
+            speaking.pop(self, None)
             super().connection_lost(exc)
 
     return CountedConnection, passed

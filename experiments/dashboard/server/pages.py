@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from viser import ClientHandle
 
 SHOWN_S = 8.0  # a message
+MOST_UNREAD = 1000  # messages; chosen: more than a page that reads has waiting, some megabytes
 
 
 def refusal(check: Callable[[int], Any], page: int) -> str:
@@ -74,10 +75,12 @@ class Pages:
 
     def notify(self, page: int | None, title: str, text: str, *, good: bool = False) -> None:
         """Show a message with this title for SHOWN_S on a page, red unless it is `good`; page None:
-        on every page.
+        on every page. One that does not read what it was told is not told more.
         """
         for client in self._of(page):
             with suppress(Exception):  # it may be gone by now
+                if len(client._websock_connection.get_message_buffer().message_from_id) > MOST_UNREAD:
+                    continue
                 told, color = as_unicode(text), "green" if good else "red"
                 client.add_notification(title, told, auto_close_seconds=SHOWN_S, color=color)
 

@@ -17,7 +17,7 @@ from websockets.typing import Origin, Subprotocol
 from experiments.dashboard.server.controls import ControlLock, Controls
 from experiments.dashboard.server.input_limits import KP, choice, flag
 from experiments.dashboard.server.messages import LONGEST, admit_values
-from experiments.dashboard.server.pages import Pages
+from experiments.dashboard.server.pages import MOST_UNREAD, Pages
 from experiments.dashboard.server.server import open_server
 from tests.support.waiting import wait_for
 
@@ -238,3 +238,15 @@ def test_uploads_and_long_messages_are_not_kept(panel: Panel):
     holder.send(bytes(LONGEST + 1))
     with pytest.raises(ConnectionClosed):
         sum(len(said) for said in holder)
+
+
+def test_a_page_that_reads_nothing_is_not_told_without_end(panel: Panel):
+    panel.page()
+    (client,) = panel.server.get_clients().values()
+    unread = client._websock_connection.get_message_buffer().message_from_id
+    pages = Pages()
+    pages.joined(client)
+    with panel.server.atomic(), client.atomic():  # nothing leaves
+        for k in range(MOST_UNREAD + 500):
+            pages.not_done(client.client_id, "push", f"you are watching, {k}")
+        assert MOST_UNREAD // 2 < len(unread) <= MOST_UNREAD + 10

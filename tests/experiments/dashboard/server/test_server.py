@@ -1,5 +1,6 @@
 """The real server behind the gate: page and websocket tried from outside."""
 
+import asyncio
 import gzip
 import hmac
 import http.client
@@ -24,7 +25,14 @@ from websockets.sync.client import connect
 from websockets.typing import Origin, Subprotocol
 
 from experiments.dashboard.server import door
-from experiments.dashboard.server.door import HEARD_S, MOST_WAITING, WANTED_FILES, allow_files
+from experiments.dashboard.server.door import (
+    AT_ONCE_S,
+    HEARD_HZ,
+    HEARD_S,
+    MOST_WAITING,
+    WANTED_FILES,
+    allow_files,
+)
 from experiments.dashboard.server.server import (
     PortBusyError,
     free_port,
@@ -190,6 +198,40 @@ def test_a_crowd_drops_nobody_who_may_have_asked_and_was_not_read_yet(monkeypatc
     came("newer")
     came("newer still")
     assert dropped == ["newest", "0", "1"]
+
+
+def test_pages_that_flood_are_heard_in_measure_all_together(monkeypatch):
+    limit: tuple[Any, Any] = door.crowd_limit()
+    clock, flooded_s = SimpleNamespace(now=100.0), 10.0
+
+    async def received(one, decode=None):
+        return b""
+
+    async def sleep(seconds: float):
+        clock.now += seconds
+
+    monkeypatch.setattr(ServerConnection, "recv", received)
+    monkeypatch.setattr(door, "time", SimpleNamespace(monotonic=lambda: clock.now))
+    monkeypatch.setattr(door, "asyncio", SimpleNamespace(sleep=sleep))
+    pages = [limit[0].__new__(limit[0]) for _ in range(5)]
+
+    async def flood(talking: int) -> int:
+        """How many messages are read of so many pages that send without end, in turn."""
+        count, until_s = 0, clock.now + flooded_s
+        while clock.now < until_s:
+            for one in pages[:talking]:
+                await one.recv()
+                count += 1
+        return count
+
+    for one in pages:  # all have spoken once, and watch
+        asyncio.run(one.recv())
+    clock.now += 2 * AT_ONCE_S
+    most = HEARD_HZ * (flooded_s + AT_ONCE_S)
+    alone = asyncio.run(flood(1))
+    assert 0.95 * most < alone < 1.05 * most  # who watches takes nothing from it
+    clock.now += 2 * AT_ONCE_S
+    assert asyncio.run(flood(3)) < 1.05 * most
 
 
 def test_the_program_allows_itself_more_files():
