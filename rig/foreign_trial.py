@@ -257,14 +257,15 @@ def _copy(
 
 
 def _sendable(error: BaseException) -> BaseException:
-    """The error, or its words where the program could not read it: of a lab's own class."""
+    """The error, or a RuntimeError of its words where the program could not read it: it is of a
+    class of a lab's own, or of a library's."""
     try:
         sent = pickle.loads(pickle.dumps(error))
         if type(sent).__module__.split(".")[0] in OURS:
             return sent
     except Exception:
         pass
-    return ValueError(in_words(error))
+    return RuntimeError(in_words(error))
 
 
 def on_trial(work: Callable[[Begins], None]) -> None:

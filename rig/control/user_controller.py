@@ -222,11 +222,11 @@ def load_controller(name: str) -> UserController:
         with ForeignCall(START_S):
             spec.loader.exec_module(module)
             controller = getattr(module, made)()
+            missing = [one for one in METHODS if not callable(getattr(controller, one, None))]
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # whatever is wrong in a lab's file is bad input
         raise ValueError(f"controller {path}:{made}: {in_words(error)}") from error
-    missing = [method for method in METHODS if not callable(getattr(controller, method, None))]
     if missing:
         raise ValueError(
             f"controller {path}:{made} lacks {', '.join(missing)}: it needs {', '.join(METHODS)}"

@@ -64,11 +64,11 @@ def load_class(file: Path, name: str) -> Callable[[], Any]:
     sys.modules[module_name] = module  # dataclasses and pickle look there
     try:
         spec.loader.exec_module(module)
+        found = getattr(module, name, None)
     except KeyboardInterrupt:
         raise
     except BaseException as error:
         raise _named(f"{file}:{name}", "loading the file", error, file) from error
-    found = getattr(module, name, None)
     if not isinstance(found, type):
         classes = [
             k
@@ -108,16 +108,17 @@ class UserFeed(Feed):
         self.stamped_by = "camera"
         self._last_s = -math.inf
         self._camera = self._call("__init__", make)
+        self._closing, reading = "close", self._camera
         for opening in ("open", "__enter__"):
-            if hasattr(self._camera, opening):
-                # As in a `with` statement, what `__enter__` returns is the camera.
-                given = self._call(opening, getattr(self._camera, opening))
-                self._closing = "close" if opening == "open" else "__exit__"
-                self._reading = given if opening == "__enter__" and given else self._camera
+            method = self._method(self._camera, opening)
+            if method is not None:
+                given = self._call(opening, method)
+                if opening == "__enter__":  # as in a `with` statement, what it returns is meant
+                    self._closing = "__exit__"
+                    reading = self._camera if given is None else given
                 break
-        else:
-            self._closing, self._reading = "close", self._camera
-        if not callable(getattr(self._reading, "read", None)):
+        self._read = self._method(reading, "read")
+        if not callable(self._read):
             self.close()
             raise UserCameraError(f"{self._address}: the class needs a method read()")
 
@@ -129,7 +130,7 @@ class UserFeed(Feed):
         daemonic, thread._daemonic = thread.daemon, True
         try:
             return method(*args)
-        except KeyboardInterrupt:
+        except (KeyboardInterrupt, UserCameraError):
             raise
         except BaseException as error:  # CancelledError, say, is no Exception
             raise _named(self._address, what, error, self._file) from error
@@ -138,13 +139,21 @@ class UserFeed(Feed):
             if os.getpid() != here:  # forked: a second rig would read the same camera, for ever
                 os._exit(1)
 
+    def _method(self, of: Any, name: str) -> Any:
+        """A method of the class's, None where it has none; looking for it may run code of its own.
+        """
+        return self._call(name, getattr, of, name, None)
+
     def read(self) -> tuple[np.ndarray, float] | None:
         """The next image, copied, (h, w, 3) or (h, w) uint8, and its time [s, `time.monotonic`];
         None where the camera has ended.
 
         `UserCameraError`: the class fails or breaks its contract (the module's docstring).
         """
-        pair = self._call("read", self._reading.read)
+        return self._call("read", self._checked)
+
+    def _checked(self) -> tuple[np.ndarray, float] | None:
+        pair = self._read()
         if pair is None:
             return None
         if not isinstance(pair, tuple) or len(pair) != 2:
@@ -195,6 +204,6 @@ class UserFeed(Feed):
     def close(self) -> None:
         """Close the user's camera by its `close` or `__exit__`, if it has one. `UserCameraError`:
         that fails."""
-        method = getattr(self._camera, self._closing, None)
+        method = self._method(self._camera, self._closing)
         if method is not None:
             self._call(self._closing, method, *([None] * 3 if self._closing == "__exit__" else []))

@@ -2,6 +2,7 @@
 
 import os
 import signal
+import subprocess
 import sys
 import threading
 import time
@@ -88,6 +89,22 @@ def test_a_file_that_leaves_as_it_is_loaded_is_bad_input(tmp_path):
     wrong = request(tmp_path, "pass", "import os\nos._exit(3)\n" + FILE)
     with pytest.raises(ValueError, match=r"Mine\.start left the program \(exit code 3\): correct"):
         run_own(wrong, progress=lambda t_s: None)
+
+
+def test_an_attribute_that_leaves_as_it_is_looked_for_is_no_signal(tmp_path):
+    asked = "class Mine:\n    @property\n    def start(self):\n        raise SystemExit(143)\n"
+    with pytest.raises(ValueError, match="mine.py:Mine: SystemExit: 143"):
+        run_own(request(tmp_path, "pass", asked), progress=lambda t_s: None)
+
+
+def test_an_error_of_a_class_that_the_program_does_not_know_is_no_bad_input():
+    """`ValueError` is bad input, exit code 2."""
+
+    def work(tells) -> None:
+        raise subprocess.TimeoutExpired("a lab's own", 1.0)
+
+    with pytest.raises(RuntimeError, match="TimeoutExpired: Command 'a lab's own' timed out"):
+        foreign_trial.in_copy(work)
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])

@@ -113,6 +113,7 @@ MUTE = """class Mute(Exception):
   def __str__(self): raise RuntimeError
   def __float__(self): raise RuntimeError
 """
+LEFT = "class Left:\n  def __float__(self): raise SystemExit(143)\n"
 
 
 @pytest.mark.parametrize(
@@ -144,6 +145,11 @@ MUTE = """class Mute(Exception):
             reading("pass\n  def __init__(self): raise GeneratorExit"),
             "__init__: GeneratorExit",
         ),
+        (
+            reading("pass\n  @property\n  def open(self): raise SystemExit(143)"),
+            "open: SystemExit: 143",
+        ),
+        (reading(f"return {IMAGE}, Left()", before=LEFT), "read: SystemExit: 143"),
         (
             reading(f"return {WIDE}, 1.0"),
             "9000 x 9000 pixels, over 67108864",
