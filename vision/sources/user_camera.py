@@ -140,8 +140,7 @@ class UserFeed(Feed):
                 os._exit(1)
 
     def _method(self, of: Any, name: str) -> Any:
-        """A method of the class's, None where it has none; looking for it may run code of its own.
-        """
+        """A method of the class, None where it has none; looking for it may run code of it."""
         return self._call(name, getattr, of, name, None)
 
     def read(self) -> tuple[np.ndarray, float] | None:

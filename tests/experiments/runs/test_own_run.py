@@ -93,7 +93,7 @@ def test_a_file_that_leaves_as_it_is_loaded_is_bad_input(tmp_path):
 
 def test_an_attribute_that_leaves_as_it_is_looked_for_is_no_signal(tmp_path):
     asked = "class Mine:\n    @property\n    def start(self):\n        raise SystemExit(143)\n"
-    with pytest.raises(ValueError, match="mine.py:Mine: SystemExit: 143"):
+    with pytest.raises(ValueError, match=r"mine\.py:Mine: SystemExit: 143"):
         run_own(request(tmp_path, "pass", asked), progress=lambda t_s: None)
 
 
