@@ -79,7 +79,10 @@ class Pages:
         """
         for client in self._of(page):
             with suppress(Exception):  # it may be gone by now
-                if len(client._websock_connection.get_message_buffer().message_from_id) > MOST_UNREAD:
+                if (
+                    len(client._websock_connection.get_message_buffer().message_from_id)
+                    > MOST_UNREAD
+                ):
                     continue
                 told, color = as_unicode(text), "green" if good else "red"
                 client.add_notification(title, told, auto_close_seconds=SHOWN_S, color=color)
