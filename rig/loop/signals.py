@@ -25,6 +25,7 @@ _leaving: list[int] = []  # signals by which the program is to be left
 _heard_s = [-math.inf]  # when a handler of ours ran last
 _raised_s = [-math.inf]  # when one raised what leaves the program last
 _handlers: list[object] = []  # ours
+_slots: list[tuple[list[int], "StopSlot"]] = []  # of `stop_on_signals`, and their signals
 
 
 class StopSlot(Protocol):
@@ -105,7 +106,8 @@ def leave_on_signals(say: Callable[[str], None]) -> Iterator[None]:
     before = {number: signal.signal(number, handle) for number in heeded(*NAMES, "SIGINT")}
     _handlers.append(handle)
     try:
-        with ended_unheard(lambda: _heard_s[0], _handlers, say), _swallowed_in_silence(again):
+        watched = ended_unheard(lambda: _heard_s[0], _handlers, say, _stop_slots)
+        with watched, _swallowed_in_silence(again):
             yield
         leave_if_told()
     except Exception:  # code that wraps what it is left by: a pool, a lab's camera
@@ -148,12 +150,20 @@ def leave_if_told() -> None:
         end_by(_leaving[-1])
 
 
+def _stop_slots(number: int) -> None:
+    """Put the stop of a signal where it belongs; that of the handler itself comes later then."""
+    for numbers, slot in tuple(_slots):
+        if number in numbers:
+            slot.put(stop_of(number))
+
+
 @contextmanager
 def stop_on_signals(
     slot: StopSlot, *, also: tuple[str, ...] = (), leave: bool = True
 ) -> Iterator[None]:
     """Put a `Stop` into the slot for every signal of NAMES and `also` that comes while inside, at
-    once for one that came before, by which the program is to be left.
+    once for one that came before, by which the program is to be left; in `leave_on_signals` also
+    while the main thread stands still.
 
     On the way out the former handlers are back; with `leave` a signal that came then ends the
     program as it was meant to (KeyboardInterrupt; SystemExit, 128 + its number). In a thread other
@@ -174,9 +184,12 @@ def stop_on_signals(
     _handlers.append(handle)
     for number in tuple(_leaving):
         handle(number, None)
+    told = (numbers, slot)
+    _slots.append(told)
     try:
         yield
     finally:
+        _slots.remove(told)
         _handlers.remove(handle)
         for number, handler in before.items():
             signal.signal(number, signal.SIG_DFL if handler is None else handler)

@@ -20,20 +20,27 @@ LOOK_S = 0.05
 
 @contextmanager
 def ended_unheard(
-    heard_s: Callable[[], float], handlers: Collection[object], say: Callable[[str], None]
+    heard_s: Callable[[], float],
+    handlers: Collection[object],
+    say: Callable[[str], None],
+    came: Callable[[int], None],
 ) -> Iterator[None]:
     """While inside, a signal of one of `handlers` that is not heard for UNHEARD_S ends the program
     at once, with the code 128 + its number, after a line to `say`. To be entered in the main
     thread.
 
-    heard_s: when one of `handlers` ran last, on the monotonic clock; signals of others are left
-    alone. One that ran in the UNHEARD_S before counts: two signals may come as one. Processes that
-    look after a table level it as they see this one end.
+    came: called at once with every such signal, in a thread: the main one may stand still, in a
+    write to a disk that hangs. heard_s: when one of `handlers` ran last, on the monotonic clock;
+    signals of others are left alone. One that ran in the UNHEARD_S before counts: two signals may
+    come as one. Processes that look after a table level it as they see this one end.
     """
     reads, writes = socket.socketpair()
     writes.setblocking(False)
     thread = threading.Thread(
-        target=_watch, args=(reads, heard_s, handlers, say), daemon=True, name="unheard signals"
+        target=_watch,
+        args=(reads, heard_s, handlers, say, came),
+        daemon=True,
+        name="unheard signals",
     )
     before = signal.set_wakeup_fd(writes.fileno(), warn_on_full_buffer=False)
     thread.start()
@@ -51,10 +58,13 @@ def _watch(
     heard_s: Callable[[], float],
     handlers: Collection[object],
     say: Callable[[str], None],
+    came: Callable[[int], None],
 ) -> None:
     """Wait for signals until the other end is closed."""
     while numbers := reads.recv(64):
         known = [number for number in numbers if signal.getsignal(number) in handlers]
+        for number in known:
+            came(number)
         came_s = time.monotonic()
         enough_s = came_s - UNHEARD_S
         while known and heard_s() < enough_s and time.monotonic() < came_s + UNHEARD_S:

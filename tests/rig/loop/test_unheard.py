@@ -3,6 +3,7 @@
 import signal
 import subprocess
 import sys
+import time
 from contextlib import suppress
 
 import pytest
@@ -48,6 +49,36 @@ def test_a_signal_that_is_never_heard_ends_the_program_with_its_code(number: int
         assert program.wait(30.0) == 128 + number
         (line,) = program.stderr.read().splitlines()
     assert line.startswith(f"ended by {signal.Signals(number).name}, which compiled code did not")
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_run_is_stopped_at_once_while_the_main_thread_stands_still(number: int):
+    """As in a write to a disk that hangs: the loop would go on for UNHEARD_S."""
+    text = """
+import hashlib, os
+from rig.loop.signals import leave_on_signals, stop_on_signals
+
+class Slot:
+    def put(self, stop):
+        os.write(1, f"{stop.outcome}: {stop.reason}\\n".encode())
+
+with leave_on_signals(print), stop_on_signals(Slot(), also=("SIGINT",)):
+    print("begun", flush=True)
+    hashlib.pbkdf2_hmac("sha256", b"", b"", 10**10 // 10)
+"""
+    with subprocess.Popen(
+        [sys.executable, "-c", text], stdout=subprocess.PIPE, text=True
+    ) as program:
+        assert program.stdout
+        assert program.stdout.readline() == "begun\n"
+        begun_s = time.monotonic()
+        program.send_signal(number)
+        said = program.stdout.readline()
+        took_s = time.monotonic() - begun_s
+        program.kill()
+    who = {signal.SIGTERM: "SIGTERM from the system", signal.SIGINT: "by the operator"}
+    assert said == f"interrupted: {who[number]}\n"
+    assert took_s < 0.5 * unheard.UNHEARD_S
 
 
 def test_what_is_left_in_time_leaves_no_thread_and_the_former_socket():
