@@ -165,12 +165,16 @@ def _most_data_bytes() -> int:
     most = _number(f"{group}max", r"(\d+)")
     if most:
         free.append(most - _number(f"{group}current", r"(\d+)"))
-    used = _number("/proc/self/status", r"VmData:\s+(\d+) kB") * 1024
+    used, whole = (
+        _number("/proc/self/status", rf"{name}:\s+(\d+) kB") * 1024 for name in ("VmData", "VmSize")
+    )
     if resource is None or not (used and free[0]):
         return 0
-    hard = resource.getrlimit(resource.RLIMIT_DATA)[1]
-    wanted = used + int(MEMORY_SHARE * max(min(free), 0))
-    return wanted if hard == resource.RLIM_INFINITY else min(wanted, hard)
+    for limit, taken in ((resource.RLIMIT_DATA, used), (resource.RLIMIT_AS, whole)):
+        most = resource.getrlimit(limit)[0]
+        if most != resource.RLIM_INFINITY:
+            free.append(most - taken)
+    return used + int(MEMORY_SHARE * max(min(free), 0))
 
 
 def _number(path: str, pattern: str) -> int:

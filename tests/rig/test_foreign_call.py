@@ -3,6 +3,7 @@
 import contextlib
 import os
 import signal
+import subprocess
 import sys
 import threading
 import time
@@ -143,6 +144,30 @@ def lowered(name: str, *, hard: bool) -> tuple[tuple[int, int], tuple[int, int]]
     with ForeignCall(5.0):
         resource.setrlimit(limit, (64, 64 if hard else before[1]))
     return before, resource.getrlimit(limit)
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="RLIMIT_DATA of Linux")
+@pytest.mark.parametrize("name", ["RLIMIT_AS", "RLIMIT_DATA"])
+def test_who_takes_all_that_a_limit_leaves_takes_none_of_what_the_recording_needs(name: str):
+    """As under `ulimit -v`: an error of ours that found no memory left was told as an exit."""
+    text = f"""
+import re, resource
+from pathlib import Path
+from rig.foreign_call import ForeignCall
+
+kept, status = [], Path("/proc/self/status").read_text()
+used = max(int(re.search(rf"{{one}}:\\s+(\\d+)", status)[1]) for one in ("VmSize", "VmData"))
+resource.setrlimit(resource.{name}, (used * 1024 + (400 << 20), resource.RLIM_INFINITY))
+with ForeignCall(30.0):
+    try:
+        while True:
+            kept.append(bytearray(1 << 20))
+    except MemoryError:
+        pass
+assert 100 < len(kept) < 600, len(kept)
+bytearray(100 << 20)
+"""
+    subprocess.run([sys.executable, "-c", text], check=True, timeout=60)
 
 
 @pytest.mark.parametrize("name", ["RLIMIT_NOFILE", "RLIMIT_FSIZE"])
