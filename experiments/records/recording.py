@@ -173,13 +173,21 @@ class Recorder:
         try:
             with suppress(OSError):  # without an ending the rows are readable too
                 self._write(plain_ending())
-            if os.fstat(self._file).st_nlink == 0:
+            if not self._is_in_place():
                 raise OSError(f"{self.folder}: samples.mcap was removed while it was recorded")
             replace_json(self.folder / "run.json", stop)
         finally:
             os.close(self._file)
         with suppress(OSError):
             self._compress()
+
+    def _is_in_place(self) -> bool:
+        """Whether the file that was written is the one in the folder still."""
+        try:
+            there = os.stat(self.folder / "samples.mcap")  # noqa: PTH116  (as of the open one)
+        except OSError:
+            return False
+        return os.path.samestat(os.fstat(self._file), there)
 
     def __enter__(self) -> "Recorder":
         return self

@@ -540,6 +540,16 @@ def test_recover_leaves_a_living_run_alone_however_quiet_it_is(tmp_path):
     assert recover(tmp_path).meta["outcome"] == "done"
 
 
+def test_a_recording_that_is_exchanged_while_it_is_made_is_not_called_complete(tmp_path):
+    """What lies there is not it: a sentence, in place of what is wrong with the other file."""
+    recorder = Recorder(tmp_path, START)
+    (tmp_path / "samples.mcap").rename(tmp_path / "moved")
+    (tmp_path / "samples.mcap").write_bytes(b"somebody else's")
+    with pytest.raises(OSError, match="removed while it was recorded"):
+        recorder.finish("completed")
+    assert (tmp_path / "samples.mcap").read_bytes() == b"somebody else's"
+
+
 def test_a_recording_that_is_removed_while_it_is_made_is_not_called_complete(tmp_path):
     recorder = record(tmp_path, example())
     (tmp_path / "samples.mcap").unlink()
