@@ -278,7 +278,8 @@ class App:
     # --- drawing ---
     def _draw(self) -> None:
         count, failed = 0, ""
-        while not self._over.wait(1 / DRAW_HZ):
+        while not self._over.is_set():
+            time.sleep(1 / DRAW_HZ)  # a wait of `threading` may go by the wall clock
             try:
                 self._draw_once(count)
             except Exception as error:
