@@ -136,7 +136,8 @@ def run(
 ) -> None:
     """Run a protocol and record it. On the virtual table or the rig file's; prints the folders."""
     from experiments.cli.console import bars
-    from experiments.records.run_folder import clock_note, results_folder
+    from experiments.cli.out_folder import out_folder
+    from experiments.records.run_folder import clock_note
     from experiments.runs.assemble import load_rig
     from experiments.runs.protocol import read_protocol
     from experiments.runs.runs import run_protocol
@@ -147,7 +148,7 @@ def run(
         raise ValueError(f"--arm {arm}: must be {', '.join(COMPENSATORS)}, own or both")
     if camera not in ("statistical", "frames"):
         raise ValueError(f"--camera {camera}: must be statistical or frames")
-    table, folder = load_rig(rig), results_folder(out)
+    table, folder = load_rig(rig), out_folder(out, shared=True)
     if note := clock_note(folder / "runs"):
         say(note)
     how = {
