@@ -25,6 +25,11 @@ def refusal(check: Callable[[int], Any], page: int) -> str:
     return ""
 
 
+def _unread(client: "ClientHandle") -> list[Any]:
+    """Messages for this page alone that have not left yet."""
+    return list(client._websock_connection.get_message_buffer().message_from_id.values())
+
+
 class Pages:
     """The connected pages; `clients`: by number. They come and go in the control panel queue's
     thread alone.
@@ -79,25 +84,28 @@ class Pages:
         """
         for client in self._of(page):
             with suppress(Exception):  # it may be gone by now
-                if (
-                    len(client._websock_connection.get_message_buffer().message_from_id)
-                    > MOST_UNREAD
-                ):
+                if len(_unread(client)) > MOST_UNREAD:
                     continue
                 told, color = as_unicode(text), "green" if good else "red"
                 client.add_notification(title, told, auto_close_seconds=SHOWN_S, color=color)
 
     def send(self, page: int | None, path: Path, name: str = "") -> None:
         """Let a page download the file `path` as `name` (default: its own), and say so; page None:
-        every page. OSError, ValueError: it cannot be read.
+        every page. One that has not read the file that it was sent before is not sent another.
+        OSError, ValueError: it cannot be read.
         """
+        from viser import _messages as messages
+
         content, name = file_bytes(path, None), name or path.name
-        for client in self._of(page):
-            client.send_file_download(name, content, save_immediately=True)
         kept = (
             f"{name} is among your browser's downloads, and kept as {path.name} in {path.parent}."
         )
-        self.notify(page, "Downloaded", kept, good=True)
+        for client in self._of(page):
+            if any(isinstance(one, messages.FileTransferPart) for one in _unread(client)):
+                self.not_done(client.client_id, name, "the one before is still on its way here")
+                continue
+            client.send_file_download(name, content, save_immediately=True)
+            self.notify(client.client_id, "Downloaded", kept, good=True)
 
     def _of(self, page: int | None) -> list["ClientHandle"]:
         if page is None:

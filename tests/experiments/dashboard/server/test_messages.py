@@ -3,6 +3,7 @@
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -250,3 +251,18 @@ def test_a_page_that_reads_nothing_is_not_told_without_end(panel: Panel):
         for k in range(MOST_UNREAD + 500):
             pages.not_done(client.client_id, "push", f"you are watching, {k}")
         assert MOST_UNREAD // 2 < len(unread) <= MOST_UNREAD + 10
+
+
+def test_a_page_that_reads_nothing_is_not_sent_file_after_file(panel: Panel, tmp_path: Path):
+    """Whoever watches may press Download, and each is another copy in the program's memory."""
+    panel.page()
+    (client,) = panel.server.get_clients().values()
+    unread = client._websock_connection.get_message_buffer().message_from_id
+    pages, file = Pages(), tmp_path / "report.html"
+    pages.joined(client)
+    file.write_bytes(bytes(3 << 20))
+    with client.atomic():  # nothing leaves
+        for _ in range(20):
+            pages.send(client.client_id, file)
+        parts = [one for one in unread.values() if isinstance(one, messages.FileTransferPart)]
+    assert len(parts) == 3
