@@ -29,7 +29,12 @@ class Command(Handle):
 def test_a_message_is_titled_with_what_happened():
     pages, shown = Pages(), []
     for page in (1, 2):
-        client = SimpleNamespace(client_id=page, add_notification=lambda *w, **k: shown.append(w))
+        buffer = SimpleNamespace(message_from_id={})
+        client = SimpleNamespace(
+            client_id=page,
+            add_notification=lambda *w, **k: shown.append(w),
+            _websock_connection=SimpleNamespace(get_message_buffer=lambda b=buffer: b),
+        )
         pages.joined(client)  # pyright: ignore[reportArgumentType]
     pages.not_done(2, "play", "choose a run and press Show first")
     assert shown == [("Not done: play", "choose a run and press Show first")]
