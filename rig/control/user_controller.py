@@ -138,9 +138,9 @@ def _failed(
     if isinstance(controller, WatchedController):
         controller, told = controller.controller, controller.told(method)
     name = f"controller {type(controller).__name__}.{method}"
-    where = ""
+    where, own = "", getattr(sys.modules.get(type(controller).__module__), "__file__", None)
     for frame in foreign_call.frames_of(error):  # the innermost line of the lab's own file
-        if frame.filename not in (__file__, foreign_call.__file__):
+        if frame.filename == own:
             where = f", line {frame.lineno}"
     if isinstance(error, OvertimeError):
         return ControllerError(f"{name} {error}{where}")

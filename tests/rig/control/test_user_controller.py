@@ -1,5 +1,6 @@
 """A lab's own controller: it steers, and whatever it does wrong stops the rig at 0 V."""
 
+import json
 import sys
 import time
 from math import nan
@@ -109,6 +110,14 @@ def test_what_fails_in_it_stops_the_rig_and_is_recorded(what, said):
 def test_the_reason_names_the_labs_own_line():
     ending, _ = run(FailsAt(10, _raise))
     assert ", line " in ending.reason
+
+    class OfALibrary(Steering):
+        def control(self, now):
+            return json.loads("{")
+
+    own = OfALibrary.control.__code__.co_firstlineno + 1
+    ending, _ = run(OfALibrary())
+    assert f", line {own}: JSONDecodeError" in ending.reason
 
 
 def test_an_error_whose_words_raise_one_themselves_is_named():

@@ -77,7 +77,7 @@ with leave_on_signals(print), stop_on_signals(Slot(), also=("SIGINT",)):
         took_s = time.monotonic() - begun_s
         program.kill()
     who = {signal.SIGTERM: "SIGTERM from the system", signal.SIGINT: "by the operator"}
-    assert said == f"interrupted: {who[number]}\n"
+    assert said == f"interrupted: {who[signal.Signals(number)]}\n"
     assert took_s < 0.5 * unheard.UNHEARD_S
 
 
