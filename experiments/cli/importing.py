@@ -26,8 +26,8 @@ def import_(
         list[Path],
         typer.Argument(
             metavar="FILE...",
-            help="CSV, text, JSON Lines, MAT, TDMS, Parquet, MCAP; folder of a "
-            "LeRobot set or ROS 2 bag.",
+            help="CSV, text, JSON, MAT, HDF5, NumPy, TDMS, Parquet, MCAP; folder "
+            "of a LeRobot set or ROS 2 bag.",
         ),
     ],
     out: Annotated[Path, typer.Option("--out", help="Log: .csv, .parquet or .mat.")],

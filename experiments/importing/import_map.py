@@ -30,7 +30,7 @@ class TimeMap(StrictModel):
     """
 
     column: str | None = None
-    unit: Literal["s", "ms", "us", "ns", "min"] = "s"
+    unit: Literal["s", "ms", "us", "ns", "min", "day"] = "s"
     rate_hz: Positive | None = None
     clock: Literal["as recorded", "even"] = "as recorded"
     session: str | None = None

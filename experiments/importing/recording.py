@@ -47,6 +47,7 @@ class Stream:
     time: name of the column that the format itself says is the time; None where it says nothing.
     session: name of the column in which every session has another number, if the format has one.
     notes: what was odd; unreadable: column name -> its cells that are NaN without being blank.
+    by_rate: name of the time that a stated rate of the rows makes, for want of a clock.
     """
 
     columns: Mapping[str, np.ndarray]
@@ -55,6 +56,7 @@ class Stream:
     session: str | None = None
     notes: tuple[str, ...] = ()
     unreadable: Mapping[str, Unreadable] = field(default_factory=dict)
+    by_rate: str | None = None
 
     def __len__(self) -> int:
         """Return the number of rows."""

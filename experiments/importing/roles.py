@@ -65,8 +65,11 @@ def _clock(draft: Draft) -> None:
 
 
 def _time_column(draft: Draft) -> str | None:
-    """The column that is the time: by name, by unit, or the first that grows like a clock."""
-    growing = [name for name, values in draft.stream.columns.items() if _grows(values)]
+    """The column that is the time: by name, by unit, the first that grows like a clock, or that of
+    a stated rate."""
+    by_rate = draft.stream.by_rate
+    columns = {name: v for name, v in draft.stream.columns.items() if name != by_rate}
+    growing = [name for name, values in columns.items() if _grows(values)]
     named = [name for name in growing if draft.hints[name].role == "time"]
     if named:
         return named[0]
@@ -80,7 +83,7 @@ def _time_column(draft: Draft) -> str | None:
         for name in nameless
         if not _counts(draft.stream.columns[name]) and _even(draft.stream.columns[name])
     ]
-    return nameless[0] if nameless else None
+    return nameless[0] if nameless else by_rate
 
 
 def _grows(values: np.ndarray) -> bool:
@@ -132,8 +135,8 @@ def _time_unit(draft: Draft, column: str) -> None:
         draft.doubt(["time"], "unit", why, *(fitting or units))
 
 
-def columns_of(draft: Draft, role: str) -> list[str]:
-    """Columns that names and units give a role, in the order of the file.
+def columns_of(draft: Draft, role: str | None) -> list[str]:
+    """Columns that names and units give a role (None: none), in the order of the file.
 
     Constants are none, nor is what was stated to be something, nor a flag of 0 and 1 unless it is
     asked for.

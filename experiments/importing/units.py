@@ -4,7 +4,7 @@ import re
 from math import pi
 
 FACTORS: dict[str, dict[str, float | None]] = {  # None: the map's `scale` says it
-    "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0},
+    "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "day": 86400.0},
     "length": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254, "px": None},
     "angle": {"rad": 1.0, "mrad": 1e-3, "deg": pi / 180, "turn": 2 * pi, "us": None},
     "speed": {"rad/s": 1.0, "deg/s": pi / 180, "rpm": 2 * pi / 60, "turn/s": 2 * pi},
@@ -23,20 +23,23 @@ QUANTITIES = {  # what a column of the log can be made from, the most usual firs
     "motor_speed": ("speed",),
 }
 _SPELLED = {
-    "s": "s sec secs second seconds sek sekunden",
+    "s": "s sec secs second seconds sek sekunde sekunden seconde secondes segundos secondi",
     "ms": "ms msec millis millisecond milliseconds millisec",
     "us": "us usec micros microsecond microseconds µs μs",
     "ns": "ns nsec nsecs nanosec nanosecs nanosecond nanoseconds nanos",
     "min": "min minutes",
-    "m": "m meter meters metre metres",
-    "cm": "cm centimeter centimeters centimetres",
-    "mm": "mm millimeter millimeters millimetre millimetres",
+    "day": "day days tage jours",
+    "m": "m meter meters metre metres metros metri",
+    "cm": "cm centimeter centimeters centimetre centimetres centímetros centimetros centimetri "
+    "centimètres",
+    "mm": "mm millimeter millimeters millimetre millimetres milímetros milimetros millimetri "
+    "millimètres",
     "um": "um µm μm micrometer",
-    "in": "in inch inches",
+    "in": "in inch inches zoll pouces pulgadas pollici",
     "px": "px pix pxl pixel pixels",
     "rad": "rad rads radian radians",
     "mrad": "mrad milliradians",
-    "deg": "deg degs degree degrees ° grad. gradi grados degrés graus graden",
+    "deg": "deg degs degree degrees ° grad grad. gradi grados degré degrés degrès graus graden",
     "turn": "turn turns rev revs revolution",
     "rad/s": "rad/s rads/s rad/sec radps rad_s rad_per_s",
     "deg/s": "deg/s °/s degps dps deg/sec deg_s deg_per_s",

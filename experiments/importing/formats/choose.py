@@ -6,7 +6,8 @@ import numpy as np
 
 from experiments.importing.formats.bag_folder import is_bag
 from experiments.importing.formats.bags import read_bag
-from experiments.importing.formats.json_lines import read_json_lines
+from experiments.importing.formats.hdf5_files import read_hdf5
+from experiments.importing.formats.json_files import read_json, read_json_lines
 from experiments.importing.formats.matlab import read_matlab
 from experiments.importing.formats.numpy_files import read_npy, read_npz
 from experiments.importing.formats.split_stamps import whole_stamps
@@ -28,7 +29,10 @@ READERS = {
     ".lvm": read_text,
     ".jsonl": read_json_lines,
     ".ndjson": read_json_lines,
+    ".json": read_json,
     ".mat": read_matlab,
+    ".h5": read_hdf5,
+    ".hdf5": read_hdf5,
     ".npz": read_npz,
     ".npy": read_npy,
     ".tdms": read_tdms,

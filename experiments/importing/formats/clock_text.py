@@ -1,10 +1,15 @@
-"""Times of day in text, with a date (ISO 8601) or without."""
+"""Times of day in text, with a date or without, in any zone."""
 
 import re
 
 import numpy as np
 
-_CLOCK = re.compile(r"\s*(?:(\d{4}-\d\d-\d\d)[T ])?(\d{1,2}):(\d\d):(\d\d(?:[.,]\d+)?)\s*Z?\s*")
+DAY_S = 86400.0
+_CLOCK = re.compile(
+    r"\s*(?:(\d{4}-\d\d-\d\d)[T ]|\d{1,4}[./-]\d{1,2}[./-]\d{1,4},?\s+)?"
+    r"(\d{1,2}):(\d\d):(\d\d(?:[.,]\d+)?)\s*([AaPp][Mm])?\s*"
+    r"(?:Z|UTC|([+-]\d\d):?(\d\d))?\s*"
+)
 
 
 def is_clock(cell: str) -> bool:
@@ -13,15 +18,34 @@ def is_clock(cell: str) -> bool:
 
 
 def clock_seconds(cell: str) -> float:
-    """Seconds of a date with time (since 1970), or of a time of day (since midnight)."""
+    """Seconds of a date of ISO 8601 with time (since 1970 at Greenwich), or of a time of day (since
+    midnight) whatever other date stands before it: which of its numbers is the day, is open."""
     match = _CLOCK.fullmatch(cell)
     if not match:
         return np.nan
-    day, hours, minutes, seconds = match.groups()
+    day, hours, minutes, seconds, half, zone_hours, zone_minutes = match.groups()
     since = 0.0
     if day:
         try:
-            since = np.datetime64(day, "s").astype(np.int64)
+            since = float(np.datetime64(day, "s").astype(np.int64))
         except ValueError:
             return np.nan
-    return float(since) + 3600 * int(hours) + 60 * int(minutes) + float(seconds.replace(",", "."))
+    hour = int(hours)
+    if half:
+        hour = hour % 12 + 12 * (half.lower() == "pm")
+    if zone_hours:
+        east = 60 * abs(int(zone_hours)) + int(zone_minutes)
+        since -= 60 * east * (-1 if zone_hours[0] == "-" else 1)
+    return since + 3600 * hour + 60 * int(minutes) + float(seconds.replace(",", "."))
+
+
+def over_midnight(seconds: np.ndarray) -> np.ndarray:
+    """Times of day (n,) that go on growing over midnight: they fall back by more than half a day
+    there, as no clock that is set does. NaN stays; seconds since 1970 stay as they are."""
+    known = np.isfinite(seconds)
+    times = seconds[known]
+    if not len(times) or times.max() > 2 * DAY_S:
+        return seconds
+    grown = seconds.copy()
+    grown[known] = times + DAY_S * np.cumsum(np.diff(times, prepend=times[0]) < -DAY_S / 2)
+    return grown

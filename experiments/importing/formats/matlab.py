@@ -39,7 +39,7 @@ def read_matlab(path: Path) -> list[Stream]:
     with path.open("rb") as file:
         head = file.read(128)
     if b"MATLAB 7.3" in head or head.startswith(b"\x89HDF"):
-        tree, objects = _hdf5(path)
+        tree, objects = hdf5_tree(path, "a MAT file of version 7.3")
     else:
         tree, objects = _version_5(path)
     streams = [stream for stream in streams_of(tree) if len(stream)]
@@ -67,8 +67,8 @@ def _version_5(path: Path) -> tuple[dict[str, Any], list[str]]:
     return {name: value for name, value in tree.items() if name not in objects}, objects
 
 
-def _hdf5(path: Path) -> tuple[dict[str, Any], list[str]]:
-    """Variables of a file of version 7.3 (which is HDF5), and objects left out."""
+def hdf5_tree(path: Path, kind: str) -> tuple[dict[str, Any], list[str]]:
+    """Variables of an HDF5 file, as one of version 7.3 is, and objects left out; kind: in words."""
     import h5py
 
     objects: list[str] = []
@@ -78,7 +78,7 @@ def _hdf5(path: Path) -> tuple[dict[str, Any], list[str]]:
     except BadFileError:
         raise
     except Exception as error:  # of damaged bytes h5py raises whatever it meets
-        raise BadFileError(f"not readable as a MAT file of version 7.3 ({error})") from error
+        raise BadFileError(f"not readable as {kind} ({error})") from error
 
 
 def _group(group: Any, objects: list[str], room: list[int], depth: int) -> dict[str, Any]:
@@ -109,6 +109,9 @@ def _item(name: str, value: Any, objects: list[str], room: list[int], depth: int
     if h5py.check_ref_dtype(value.dtype) is h5py.Reference:  # cells and arrays of structs
         parts = [in_file(value.file, name, value.file[ref]) for ref in np.ravel(value[()])]
         return [_item(name, part, objects, room, depth + 1) for part in parts]
+    fields = value.dtype.names or ()
+    if fields and set(fields) != {"real", "imag"}:  # a table's rows, not MATLAB's complex numbers
+        return {field: value[field] for field in fields if value.dtype[field].kind in "fiub"}
     if value.attrs.get("MATLAB_empty", 0) or value.dtype.kind not in "fiub":
         return None
     if value.attrs.get("MATLAB_class") == b"char":

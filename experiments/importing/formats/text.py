@@ -11,8 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.importing.formats.clock_text import clock_seconds, is_clock
+from experiments.importing.formats.clock_text import clock_seconds, is_clock, over_midnight
 from experiments.importing.formats.decimals import NumberColumn, is_number
+from experiments.importing.formats.head_rate import time_by_rate
 from experiments.importing.formats.labelled import is_labelled, labelled
 from experiments.importing.recording import (
     MAX_COLUMNS,
@@ -22,12 +23,13 @@ from experiments.importing.recording import (
     check_lost,
     check_size,
 )
+from experiments.importing.units import canonical
 from experiments.records.csv_files import blocks_of, lines_of
 
 SEPARATORS = (" ", ",", "|", "\t", ";")  # the later, the less likely to mean anything else
 PREAMBLE_LINES = 200  # chosen: LabVIEW's longest headers have some thirty lines
 MAX_BYTES = 1_000_000_000
-_UNIT_CELL = re.compile(r"[\[(]?\s*[A-Za-zµμ°%/0-9^*·\s-]{0,12}\s*[\])]?")
+_UNIT_CELL = re.compile(r"[\[(]?\s*[A-Za-zµμ°%/0-9^*·\s-]*\s*[\])]?")
 
 
 def read_text(path: Path) -> list[Stream]:
@@ -87,9 +89,15 @@ def _table(lines: Iterator[str]) -> Stream:
     units |= dict.fromkeys(sorted(clocks), "s")
     sure = set().union(*(one.sure for one in found))
     numbers = {one.name: one.numbers(sure) for one in found}
+    columns = {name: values for name, (values, _) in numbers.items()}
+    columns |= {name: over_midnight(columns[name]) for name in clocks}
+    told = None if clocks else time_by_rate(columns, head[:first])
+    if told:
+        columns, units = columns | dict([told]), units | {told[0]: "s"}
     return Stream(
-        {name: values for name, (values, _) in numbers.items()},
+        columns,
         units,
+        by_rate=told[0] if told else None,
         notes=notes,
         unreadable={name: cells for name, (_, cells) in numbers.items() if cells.count},
     )
@@ -212,7 +220,7 @@ def _header(fitting: Sequence[list[str]], width: int) -> tuple[list[str], dict[s
     units: dict[str, str] = {}
     if fitting:
         cells = fitting[-1]
-        if len(fitting) > 1 and all(_UNIT_CELL.fullmatch(c) and len(c) < 9 for c in cells):
+        if len(fitting) > 1 and all(map(_is_unit, cells)):
             said, cells = cells, fitting[-2]
         else:
             said = [""] * width
@@ -222,6 +230,12 @@ def _header(fitting: Sequence[list[str]], width: int) -> tuple[list[str], dict[s
     if twice:
         raise BadFileError(TWICE.format(", ".join(sorted(twice))))
     return names, units
+
+
+def _is_unit(cell: str) -> bool:
+    """Whether a cell may be a unit: a known one, or as short as a name seldom is."""
+    known = canonical(cell.strip("[]() ")) is not None
+    return known or (len(cell) < 9 and _UNIT_CELL.fullmatch(cell) is not None)
 
 
 def _is_clock(cells: Sequence[str]) -> bool:

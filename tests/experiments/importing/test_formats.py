@@ -53,6 +53,8 @@ def test_text_blanks_words_units_and_encodings(tmp_path: Path):
     assert stream.units == {"t": "s", "Winkel": "°", "Ort": "mm"}
     assert np.isnan(stream.columns["Winkel"][1:]).all()
     assert np.isnan(stream.columns["Ort"][0])
+    path.write_text("t,x\nseconds,millimeters\n1,2\n3,4\n", encoding="utf-8")
+    assert read_recording(path).stream.units == {"t": "seconds", "x": "millimeters"}
     path.write_text("t,x\n1,2\n3,4\n", encoding="utf-16")
     assert list(columns(path)) == ["t", "x"]
 

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from experiments.importing.formats.choose import read_recording
-from experiments.importing.formats.json_lines import read_json_lines
+from experiments.importing.formats.json_files import read_json_lines
 from experiments.importing.recording import BadFileError
 
 

@@ -1,0 +1,132 @@
+"""Read JSON: an object a line, as a web page's or a Python program's log, or one whole value."""
+
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from experiments.importing.formats.clock_text import clock_seconds, is_clock, over_midnight
+from experiments.importing.formats.matlab import streams_of
+from experiments.importing.formats.messages import Columns, messages_of_lines, numbers
+from experiments.importing.recording import BadFileError, Stream, check_size, once_each
+from experiments.records.csv_files import lines_of
+
+T = TypeVar("T")
+MAX_BYTES = 200_000_000  # of one value, which is read whole: some GB as Python's objects
+
+
+def read_json_lines(path: Path) -> list[Stream]:
+    """Read the numbers of every line's object as one stream, a column a path (`ball.x`); texts that
+    are times of day are seconds.
+
+    BadFileError: no text in UTF-8, a name stands twice in an object, or as of `messages_of_lines`.
+    """
+    clocks: set[str] = set()
+
+    def row(line: str) -> dict[str, float] | None:
+        try:
+            message = json.loads(line, object_pairs_hook=once_each)
+            return _row(message, clocks) if isinstance(message, dict) else None
+        except BadFileError:
+            raise
+        except (ValueError, RecursionError, OverflowError):  # 10**400 is no float
+            return None
+
+    def read() -> Stream:
+        with path.open(encoding="utf-8-sig") as file:
+            return messages_of_lines(lines_of(file), row, "a JSON object")
+
+    return [_timed(_read(read), clocks)]
+
+
+def read_json(path: Path) -> list[Stream]:
+    """Read a list of objects, one a moment, or an object of lists, one a signal, and what is nested
+    in them; objects a line as `read_json_lines`. BadFileError: none of it, too large, or damaged.
+    """
+    size = path.stat().st_size
+    if size > MAX_BYTES:
+        raise BadFileError(
+            f"it has {size} bytes (limit: {MAX_BYTES}): write an object a line, .jsonl"
+        )
+    text = _read(lambda: path.read_text(encoding="utf-8-sig"))
+    clocks: set[str] = set()
+    try:
+        whole = json.loads(text, object_pairs_hook=once_each)
+        tree = _tree("", whole, clocks)
+        found = list(streams_of(tree if isinstance(tree, dict) else {"column": tree}))
+    except BadFileError:
+        raise
+    except (ValueError, RecursionError, OverflowError) as error:
+        if text.lstrip().startswith("{"):
+            return read_json_lines(path)
+        raise BadFileError(f"not readable as JSON ({error})") from error
+    streams = [_timed(stream, clocks) for stream in found if len(stream)]
+    if not streams:
+        raise BadFileError("no numbers were found in it: a list of objects, or an object of lists")
+    return streams
+
+
+def _read(read: Callable[[], T]) -> T:
+    """What `read` returns. BadFileError: it is no text in UTF-8, or another error of a value."""
+    try:
+        return read()
+    except UnicodeDecodeError as error:
+        raise BadFileError("it is no text in UTF-8") from error
+    except BadFileError:
+        raise
+    except ValueError as error:
+        raise BadFileError(str(error)) from error
+
+
+def _tree(path: str, value: Any, clocks: set[str]) -> Any:
+    """A value as arrays in dictionaries, None for what is neither; `clocks` takes their paths."""
+    if isinstance(value, dict):
+        return {k: _tree(f"{path}.{k}" if path else k, one, clocks) for k, one in value.items()}
+    if not isinstance(value, list) or not value:
+        return None
+    if all(isinstance(one, dict) for one in value):
+        rows, own = Columns(), set[str]()
+        for one in value:
+            rows.append(_row(one, own))
+        check_size(len(rows), len(rows.columns))
+        clocks |= {f"{path}.{name}" if path else name for name in own}
+        return {name: rows.column(name) for name in rows.columns}
+    if all(one is None or isinstance(one, str) for one in value):
+        clocks.add(path)
+        return _seconds(value)
+    try:
+        return np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):  # of several lengths or kinds
+        return None
+
+
+def _seconds(texts: Sequence[str | None]) -> np.ndarray:
+    return np.array([clock_seconds(text or "") for text in texts])
+
+
+def _timed(stream: Stream, clocks: set[str]) -> Stream:
+    """The stream with its times of day growing over midnight, and their unit."""
+    times = {name: over_midnight(stream.columns[name]) for name in clocks & stream.columns.keys()}
+    return replace(
+        stream, columns={**stream.columns, **times}, units=dict.fromkeys(sorted(times), "s")
+    )
+
+
+def _row(message: Mapping[str, Any], clocks: set[str]) -> dict[str, float]:
+    """The numbers of an object by their paths; `clocks` takes the paths of times of day."""
+    times = dict(_times("", message))
+    clocks.update(times)
+    return times | once_each(numbers("", message, 0))
+
+
+def _times(path: str, message: Mapping[str, Any]) -> Iterator[tuple[str, float]]:
+    """The times of day in the texts of an object, in seconds, by their paths."""
+    for name, value in message.items():
+        here = f"{path}.{name}" if path else name
+        if isinstance(value, dict):
+            yield from _times(here, value)
+        elif isinstance(value, str) and is_clock(value):
+            yield here, clock_seconds(value)

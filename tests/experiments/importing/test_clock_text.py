@@ -1,0 +1,47 @@
+"""Times of day in text: zones, halves of a day, dates of other kinds, midnight."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from experiments.importing.formats.choose import read_recording
+from experiments.importing.formats.clock_text import clock_seconds, over_midnight
+
+
+@pytest.mark.parametrize(
+    ("text", "same"),
+    [
+        ("2023-05-04T10:11:12.5+02:00", "2023-05-04T08:11:12.5Z"),
+        ("2023-05-04 10:11:12-0330", "2023-05-04 13:41:12"),
+        ("2023-05-04 00:30:00+01:00", "2023-05-03 23:30:00 UTC"),
+        ("1:02:03 PM", "13:02:03"),
+        ("12:02:03 am", "00:02:03"),
+        ("04.05.2023 10:11:12,5", "10:11:12.5"),
+        ("5/4/2023 10:11:12", "10:11:12"),
+    ],
+)
+def test_one_moment_in_other_words(text: str, same: str):
+    assert clock_seconds(text) == clock_seconds(same)
+
+
+def test_a_clock_that_is_set_back_stays_and_one_over_midnight_grows():
+    over = np.array([86398.0, np.nan, 86399.0, 0.0, 1.0])
+    np.testing.assert_array_equal(over_midnight(over)[[0, 2, 3, 4]] - 86398, [0, 1, 2, 3])
+    assert np.isnan(over_midnight(over)[1])
+    for stays in ([50.0, 51.0, 10.0, 11.0], [1.7e9, 1.6e9], [np.nan]):
+        np.testing.assert_array_equal(over_midnight(np.array(stays)), stays)
+
+
+@pytest.mark.parametrize("name", ["a.csv", "a.jsonl", "a.json"])
+def test_a_night_is_one_session(name: str, tmp_path: Path):
+    stamps = [f"23:59:{k}" for k in range(30, 60)] + [f"00:00:{k:02d}" for k in range(30)]
+    rows = [{"at": at, "x": k} for k, at in enumerate(stamps)]
+    text = "at,x\n" + "".join(f"{row['at']},{row['x']}\n" for row in rows)
+    if name != "a.csv":
+        lines = [json.dumps(row) for row in rows]
+        text = "\n".join(lines) if name == "a.jsonl" else f"[{','.join(lines)}]"
+    path = tmp_path / name
+    path.write_text(text)
+    np.testing.assert_array_equal(np.diff(read_recording(path).stream.columns["at"]), 1.0)
