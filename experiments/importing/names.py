@@ -8,21 +8,23 @@ from experiments.importing.units import canonical, quantity
 
 WORDS = {
     "time": "t time zeit tempo temps tiempo tid tijd timestamp stamp clock elapsed tout date "
-    "datetime millis micros",
+    "datetime millis micros epoch datum uhrzeit zeitpunkt zeitstempel heure horodatage hora fecha",
     "ball": "xb yb obj object ball kugel palla bille balle bola bal kula marble sphere blob "
     "centroid pelota esfera balón bolita",
     "place": "pos position posizione posicion posición posicao posição positie lage ort point "
-    "xy pv",
+    "xy pv touch touchscreen touchpad",
     "target": "target setpoint sp ref reference desired des soll goal want wanted sollwert rif "
     "objetivo consigna consigne alvo referencia referência referentie doel gewenst gewenste "
     "desejado desejada",
     "angle": "angle theta servo tilt winkel alpha beta roll pitch arm joint phi angolo platte "
     "plate plat actuator stepper angulo ángulo ângulo brazo placa plateau servomotor rotation "
-    "rotazione rotacion rotación hoek plaat",
+    "rotazione rotacion rotación hoek plaat neigung kippwinkel inclinaison inclinazione "
+    "inclinacion inclinación inclinação platten kippung pan",
     "command": "set cmd mv command commanded action out output ctrl control actuate actuated "
-    "applied stellgroesse comando commande mando orden saida saída uitgang",
+    "applied stellgroesse stellgröße stellwert stellwinkel comando commande mando orden saida "
+    "saída uitgang pulse pulses pulsewidth impuls impulsion impulso pulso",
     "measured": "meas measured actual act ist enc encoder feedback present state real fb joint "
-    "imu mpu inclinometer gemeten medido medida",
+    "imu mpu inclinometer gemeten medido medida gemessen mesure mesuré mesurée misurato misurata",
     "voltage": "volt volts voltage vm spannung tension tensión tensione voltaje tensao tensão "
     "spanning",
     "share": "pwm duty dutycycle",
@@ -48,7 +50,8 @@ _AXES = {
     **dict.fromkeys(("pitch", "beta"), "y"),
 }
 PLAIN = {"x", "y", "cx", "cy", "bx", "by", "px", "py"}
-PLAIN_UNITS = {"deg", "degrees", "rad", "radians", "mm", "cm", "ms", "us", "volts"}
+SEEN_AS = {"real", "act", "actual", "ist", "meas", "measured", "gemessen"}  # x and y of the ball
+PLAIN_UNITS = {"deg", "degrees", "rad", "radians", "mm", "cm", "ms", "us", "volts", "px"}
 CLEAR_ANGLE = {
     "angle",
     "theta",
@@ -63,7 +66,12 @@ CLEAR_ANGLE = {
     "angulo",
     "ángulo",
     "ângulo",
+    "neigung",
+    "inclinaison",
+    "inclinazione",
+    "inclinación",
 }
+_POSITION = {"position", "pos"}
 _BRACKETS = re.compile(r"[\[({<]\s*([^\])}>]{1,12})\s*[\])}>]")
 
 
@@ -85,11 +93,17 @@ class Hint:
 
 def hints(names: Iterable[str], units: Mapping[str, str]) -> dict[str, Hint]:
     """What each of a file's names says, of which some tell what others mean: `roll_d` is the
-    desired roll, but beside `roll_p` the derivative's share, and beside `roll_c` the fourth."""
+    desired roll, but beside `roll_p` the derivative's share, and beside `roll_c` the fourth; beside
+    `present_position` a position is a servo's, as bus servos call it."""
     split = {name: _words(name) for name in names}
     others = {tuple(w[:i]) for w in split.values() for i in _letters(w) if w[i] != "d"}
+    bus = any({"present", *_POSITION} & set(w) > {"present"} for w in split.values())
     read = {}
     for name, words in split.items():
+        servos = {"present", "goal"} & set(words) and _POSITION & set(words)
+        if bus and servos and not any(_ROLES.get(word) == "ball" for word in words):
+            read[name] = hint(f"servo {name}", units.get(name))
+            continue
         at = [i for i in _letters(words) if words[i] == "d" and tuple(words[:i]) not in others]
         read[name] = hint(f"desired {name}" if at else name, units.get(name))
     return read
@@ -121,7 +135,7 @@ def hint(name: str, stated_unit: str | None = None) -> Hint:
     said.sort(key=lambda word: word not in ("x", "y"))  # the pixel's u is a control's, too
     axis = _AXES[said[0]] if said else None
     role = _role(words, roles, unit)
-    if role is None and set(_words(re.split(r"[./]", bare)[-1])) <= PLAIN:
+    if role is None and set(_words(re.split(r"[./]", bare)[-1])) - SEEN_AS <= PLAIN:
         role = "ball"  # x and y alone
     clear = any(word in CLEAR_ANGLE for word in words)
     return Hint(role, axis, unit, clear, "derived" in roles, "ball" in roles)
@@ -129,9 +143,9 @@ def hint(name: str, stated_unit: str | None = None) -> Hint:
 
 def _words(name: str) -> list[str]:
     """Lower-case words of a name: at capitals, digits, and whatever is no letter."""
-    name = re.sub(r"([a-zà-ÿ])([A-Z])", r"\1 \2", name)
-    name = re.sub(r"(?<=[A-Za-zà-ÿ])(?=\d)|(?<=\d)(?=[A-Za-zà-ÿ])", " ", name)
-    words = [word.lower() for word in re.split(r"[^A-Za-zà-ÿ0-9°%µμ]+", name) if word]
+    name = re.sub(r"([a-zß-ÿ])([A-ZÀ-Þ])", r"\1 \2", name)
+    name = re.sub(r"(?<=[A-Za-zÀ-ÿ])(?=\d)|(?<=\d)(?=[A-Za-zÀ-ÿ])", " ", name)
+    words = [word.lower() for word in re.split(r"[^A-Za-zÀ-ÿ0-9°%µμ]+", name) if word]
     return [word for one in words for word in _parts(one)]
 
 
@@ -152,8 +166,11 @@ def _parts(word: str) -> list[str]:
 def _unit_at_end(name: str, words: list[str]) -> str | None:
     """The unit in the last words of a name (`pos_x_mm`, `speed_rad_s`), if there is one.
 
-    A single letter counts only behind a word: `x` is no unit, and v is a pixel's row.
+    A single letter counts only behind a word: `x` is no unit, and v is a pixel's row. So does px
+    behind an axis: of `ball_px` and `ball_py` it is the x.
     """
+    if words and words[-1] == "px" and not _AXES.keys() & set(words[:-1]):
+        return None
     for count in (3, 2):
         if len(words) > count and (unit := canonical("_".join(words[-count:]))):
             return unit
@@ -167,7 +184,8 @@ def _unit_at_end(name: str, words: list[str]) -> str | None:
 
 def _unit_within(words: list[str]) -> str | None:
     """The one word of a name that can only be a unit (`servo_deg_cmd`)."""
-    found = {canonical(word) for word in words[1:] if word in PLAIN_UNITS}
+    inner = words[1:-1] if words[-1:] == ["px"] else words[1:]  # at the end it may be an axis
+    found = {canonical(word) for word in inner if word in PLAIN_UNITS}
     return found.pop() if len(found) == 1 else None
 
 

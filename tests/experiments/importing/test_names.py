@@ -2,7 +2,7 @@
 
 import pytest
 
-from experiments.importing.names import hint
+from experiments.importing.names import hint, hints
 
 
 @pytest.mark.parametrize(
@@ -19,8 +19,23 @@ from experiments.importing.names import hint
         ("Comando motore 1 [gradi]", "command", "x", "deg"),
         ("Ángulo servo Y (grados)", "angle", "y", "deg"),
         ("raw_rotation", "angle", None, None),
+        ("Neigung X gemessen (Grad)", "theta", "x", "deg"),
+        ("Stellgröße Y", "command", "y", None),
+        ("pulse1", "command", "x", None),
+        ("touch_y_adc", "ball", "y", "counts"),
+        ("ball_px_y", "ball", "y", "px"),
+        ("x_px", "ball", "x", "px"),
+        ("ball_px", "ball", "x", None),
+        ("px", "ball", "x", None),
+        ("x_real", "ball", "x", None),
     ],
 )
 def test_compounds_and_spelled_units(name: str, role: str, axis: str, unit: str):
     found = hint(name)
     assert (found.role, found.axis, found.unit) == (role, axis, unit)
+
+
+def test_beside_a_present_position_a_position_is_a_servos():
+    found = hints(["goal_pos_1", "present_pos_1", "ball_goal_pos_x", "ball_pos_x"], {})
+    assert [one.role for one in found.values()] == ["command", "theta", "target", "ball"]
+    assert hint("goal_pos_1").role == "target"
