@@ -20,13 +20,21 @@ from experiments.importing.roles import (
     find_ball,
     find_time,
 )
-from experiments.importing.scales import settle_angle_zero, settle_ball_zero, settle_units
-from experiments.importing.signs import answers, doubt_late_angles, followed, pair
+from experiments.importing.scales import (
+    MIDDLES,
+    OFF_MIDDLE,
+    settle_angle_zero,
+    settle_ball_zero,
+    settle_units,
+)
+from experiments.importing.signs import answers, clear_answer, doubt_late_angles, followed, pair
 from experiments.importing.units import FACTORS, QUANTITIES, family
 from rig.log import CONTRACT
 from rig.log import NAMES as RECORDED
 
 JUMP_RAD_S = 25.0  # no servo turns faster: what jumps like that was commanded
+LATE_S = 0.06  # chosen: a servo's lag and dead time are longer, a camera's delay mostly shorter
+MOST_NAMELESS = 8  # chosen: more are a program's inner values, of which one may look like any other
 LEAD_S = 0.02  # by which the ball must answer a command later than the angle itself
 
 
@@ -147,9 +155,11 @@ def _angles(
         elif not driven:
             command = assign(draft, "command", free)
     elif free and not beside:
-        theta, command = _of_open_kind(draft, free)
+        theta, command = _of_open_kind(draft, free, ball)
     if not free and not beside:
         theta = assign(draft, "theta", columns_of(draft, "speed")) or _stated_speeds(draft)
+        if not theta and not driven and (free := _followed_by(draft, ball)):
+            theta, command = _of_open_kind(draft, free, ball)
     if driven and command and theta:
         draft.because("rest", f"{', '.join(command.values())}: asked of an inner loop, left out")
         command = {}
@@ -180,9 +190,24 @@ def _with_partner(draft: Draft, role: str, named: Mapping[str, list[str]]) -> di
     return assign(draft, role, others)
 
 
-def _of_open_kind(draft: Draft, free: list[str]) -> tuple[dict[str, str], dict[str, str]]:
+def _followed_by(draft: Draft, ball: Mapping[str, np.ndarray]) -> list[str]:
+    """Columns that no name explains and that the ball follows, one an axis: its angles."""
+    nameless = columns_of(draft, None)
+    if not ball or not len(ball) <= len(nameless) <= MOST_NAMELESS:
+        return []
+    found = answers(draft, ball, {column: column for column in nameless})
+    best = [clear_answer(each) for each in found.values()]
+    if None in best or len(set(best)) < len(best):
+        return []
+    draft.because("angle", f"{' and '.join(map(str, best))}: the ball follows them")
+    return [column for column in nameless if column in best]
+
+
+def _of_open_kind(
+    draft: Draft, free: list[str], ball: Mapping[str, np.ndarray]
+) -> tuple[dict[str, str], dict[str, str]]:
     """Measured and commanded angles (axis -> column) of columns that are all there is."""
-    kind = draft.said.get("angle", {}).get("kind") or _lone_kind(draft, free)
+    kind = draft.said.get("angle", {}).get("kind") or _lone_kind(draft, free, ball)
     if kind is None:
         why = f"the names do not say if {' and '.join(free)} were commanded or measured"
         draft.doubts.append(Doubt("angle", "kind", why, KINDS))
@@ -193,18 +218,23 @@ def _of_open_kind(draft: Draft, free: list[str]) -> tuple[dict[str, str], dict[s
 
 def _earlier(draft: Draft, ball: Mapping[str, np.ndarray], sooner: str, later: str) -> bool:
     """Whether the ball surely answers one angle sooner than the other: then it is the servo's."""
-    delays = []
-    for column in (sooner, later):
-        each = [one[column] for one in answers(draft, ball, {"x": column}).values() if one]
-        best = max(each, key=lambda one: one.share, default=None)
-        if best is None or not best.sure:
-            return False
-        delays.append(best.delay_s)
-    return delays[1] - delays[0] >= LEAD_S
+    first, last = (_delay_s(draft, ball, column) for column in (sooner, later))
+    return first is not None and last is not None and last - first >= LEAD_S
 
 
-def _lone_kind(draft: Draft, free: list[str]) -> str | None:
-    """Commanded, if an angle that is named in degrees or radians jumps as no servo can."""
+def _delay_s(draft: Draft, ball: Mapping[str, np.ndarray], column: str) -> float | None:
+    """How much later the ball answers an angle; None where it surely does not."""
+    each = [one[column] for one in answers(draft, ball, {"x": column}).values() if one]
+    best = max(each, key=lambda one: one.share, default=None)
+    return best.delay_s if best is not None and best.sure else None
+
+
+def _lone_kind(draft: Draft, free: list[str], ball: Mapping[str, np.ndarray]) -> str | None:
+    """Commanded, if an angle that is named in degrees or radians jumps as no servo can, or if all
+    are a hobby servo's whole degrees that the ball answers late."""
+    delays = [_delay_s(draft, ball, column) for column in free if _hobby_servos(draft, column)]
+    if len(delays) == len(free) and all(one is not None and one >= LATE_S for one in delays):
+        return "commanded"
     for column in free:
         si = FACTORS["angle"].get(draft.hints[column].unit or "")
         if si is None:
@@ -214,3 +244,14 @@ def _lone_kind(draft: Draft, free: list[str]) -> str | None:
         if float(np.quantile(speed, 0.999)) * si > JUMP_RAD_S:
             return "commanded"
     return None
+
+
+def _hobby_servos(draft: Draft, column: str) -> bool:
+    """Whether a column is in whole degrees about 90, as hobby servos' programs tell them."""
+    values = draft.values(column)
+    values = values[np.isfinite(values)]
+    middle, low, high = MIDDLES["deg"]
+    near = abs(float(np.median(values)) - middle) <= OFF_MIDDLE * middle
+    inside = low <= values.min() and values.max() <= high
+    unit = draft.hints[column].unit in ("deg", None)
+    return bool(unit and near and inside and np.all(values % 1 == 0))

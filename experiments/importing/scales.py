@@ -19,12 +19,18 @@ from experiments.importing.units import factor, quantity
 EXPECTED = "by a rig file about 14.0 arm_radius_m / plate_side_m, 11.8 with a hollow ball"
 GAIN = (0.2, 8.5)  # m/s2/rad; the upper end: the plate's own tilt, 5/7 g, and a fifth
 LINKAGE_GAIN = 3.6  # of a servo's arm on a plate at most half as long; beyond, it is no such angle
+TILT_GAINS = (5 / 7 * 9.81, 3 / 5 * 9.81)  # of the plate's own tilt, of a solid and a hollow ball
+TILT_TOLERANCE = 0.05  # chosen: twice what noise and drag make of them
 BALL_SPAN_M = (0.004, 1.5)
 LENGTHS = ("m", "cm", "mm")
 ANGLE_SPAN_RAD = 0.004  # at least
 USUAL_GAIN = (0.4, 8.5)
 USUAL_SPAN_RAD = 3.2  # a servo turns half a turn
 PLATE_TILT = "on two rods, linkage.arm_radius_m of rig.toml is then half of plate_side_m"
+# Where the plate is level a servo's command says its unit: unit -> that middle, and its ends.
+MIDDLES = {"deg": (90.0, 0.0, 180.0), "us": (1500.0, 500.0, 2500.0)}
+USUAL_PULSE_RAD = np.pi / 2 / 1000  # of a microsecond of a hobby servo's pulse
+OFF_MIDDLE = 0.08  # of the middle; chosen: trims of servos are smaller
 LEVEL_RAD = 0.12  # a zero nearer to 0 than this is a level error, which is for `rig gap` to find
 ROUND = (90.0, 180.0, 1500.0, 2048.0, 512.0, 127.5, 128.0, 135.0, 2047.0, 0.5, 307.0, 375.0)
 
@@ -44,7 +50,11 @@ def settle_units(
     ball_names = {axis: NAMES["ball"].format(axis) for axis in ball}
     angle_names = {axis: NAMES[kind].format(axis) for axis in angles}
     b_said = _named(draft, ball_names, ball)
-    a_said = _named(draft, angle_names, angles) or _followers_unit(draft, angles, followed)
+    a_said = (
+        _named(draft, angle_names, angles)
+        or _followers_unit(draft, angles, followed)
+        or _middles_unit(draft, answers)
+    )
     fitting = [
         (b, a)
         for b in ([b_said] if b_said else LENGTHS)
@@ -105,6 +115,21 @@ def _followers_unit(
     axis = next(a for a, c in commands.items() if c in followed.get(a, {}))
     unit = draft.signals[NAMES["theta"].format(axis)]["unit"]
     return unit if unit in ("deg", "rad") else None
+
+
+def _middles_unit(draft: Draft, answers: Mapping[str, Answer | None]) -> str | None:
+    """The unit whose middle of a servo's range every axis is level at, and whose range it keeps."""
+    for unit, (middle, low, high) in MIDDLES.items():
+        if answers and all(
+            answer is not None
+            and abs(answer.response.zero - middle) <= OFF_MIDDLE * middle
+            and low <= np.nanmin(draft.values(answer.column))
+            and np.nanmax(draft.values(answer.column)) <= high
+            for answer in answers.values()
+        ):
+            draft.because("angle", f"level near {middle:g}, as a servo's {unit}")
+            return unit
+    return None
 
 
 def _doubt_named(
@@ -248,7 +273,7 @@ def _sure_ball(
     """Whether a ball without a named unit surely is in metres.
 
     Millimetres and centimetres could as well be pixels, and a share of the plate could be metres
-    if the gain were that of a plate's own tilt.
+    if the gain were more than a linkage's, but is not that of a plate's own tilt.
     """
     if {b for b, _ in fitting} != {"m"} or len(fitting) != 1:
         return False
@@ -256,7 +281,11 @@ def _sure_ball(
         if answer is None or axis not in ball_names:
             return False
         a = _si(draft, angle_names[axis], fitting[0][1])
-        if a is None or abs(answer.response.gain) / a > LINKAGE_GAIN:
+        if a is None:
+            return False
+        gain = abs(answer.response.gain) / a
+        own_tilt = any(abs(gain / tilt - 1) <= TILT_TOLERANCE for tilt in TILT_GAINS)
+        if gain > LINKAGE_GAIN and not own_tilt:
             return False
     return bool(answers)
 
@@ -318,7 +347,8 @@ def settle_angle_zero(draft: Draft, kind: str, answers: Mapping[str, Answer | No
             continue
         values = draft.values(column)
         si = _si(draft, name, unit)
-        near = LEVEL_RAD / si if si is not None else 0.15 * _span(values)
+        about = USUAL_PULSE_RAD if si is None and unit == "us" else si  # enough to tell a trim
+        near = LEVEL_RAD / about if about is not None else 0.15 * _span(values)
         middle = float(np.nanmedian(values))
         if answer is None:
             draft.settle(name, offset=0.0)

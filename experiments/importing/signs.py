@@ -104,8 +104,8 @@ def pair(
     None where it says nothing.
     """
     pattern = NAMES[kind]
-    sure = {axis: _clear(each) for axis, each in found.items()}
-    sure |= {axis: column for axis, each in angles.items() if (column := _clear(each))}
+    sure = {axis: clear_answer(each) for axis, each in found.items()}
+    sure |= {axis: column for axis, each in angles.items() if (column := clear_answer(each))}
     chosen: dict[str, str] = dict(columns)
     for axis, column in sure.items():
         if column is None or draft.is_said(pattern.format(axis), "column"):
@@ -172,7 +172,7 @@ def _open_sign(
         draft.doubt([name], "sign", why, "1", "-1")
 
 
-def _clear(each: Mapping[str, Response]) -> str | None:
+def clear_answer(each: Mapping[str, Response]) -> str | None:
     """The angle that this axis of the ball surely follows, and no other as much; None: open."""
     ranked = sorted(each, key=lambda column: -each[column].share)
     if not ranked or not each[ranked[0]].sure:
