@@ -1,5 +1,6 @@
 """Seconds from a recording's time column: units, sessions, repeated stamps, clocks that stutter."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,9 @@ from experiments.importing.units import FACTORS
 HOLE_S = 2.0  # chosen: no table of such a kind is asked or seen so seldom
 MAX_BACKWARDS = 0.01  # share of rows whose stamp is not later: they are left out; more is a fault
 REPEATED = 0.2  # share of rows with the stamp of the row before: the stamps are coarser than rows
+DAY_S = 86400.0
+COUNTERS = (2.0**16, 2.0**32)  # at which a microcontroller's ticks begin anew
+NEAR_ROWS = 50  # chosen: rows that may be missing where a clock begins anew
 STEPS_AWAY = 1.5  # resolutions of such a stamp by which it may lie off an even clock
 
 
@@ -46,11 +50,11 @@ def read_clock(stream: Stream, time: TimeMap) -> Clock:
         return Clock(_counted(marks) / (time.rate_hz or 1.0), marks)
     if time.column not in stream.columns:
         raise BadFileError(f"no column {time.column!r} for the time; there are {_some(stream)}")
-    raw = stream.columns[time.column]
+    scale = FACTORS["time"][time.unit] or 1.0
+    raw = growing_on(stream.columns[time.column], (*COUNTERS, DAY_S / scale))
     finite = np.isfinite(raw)
     if finite.sum() < 2:
         raise BadFileError(f"{time.column}, the time, has no numbers")
-    scale = FACTORS["time"][time.unit] or 1.0
     t_s = (raw - raw[finite][0]) * scale
     session = _sessions(t_s, finite, marks)
     out, left = np.full(rows, np.nan), 0
@@ -107,6 +111,26 @@ def _sessions(t_s: np.ndarray, finite: np.ndarray, marks: np.ndarray) -> np.ndar
     number = np.zeros(len(t_s), int)
     number[np.flatnonzero(finite)[1:]] = anew
     return np.cumsum(number) + marks * (len(t_s) + 1)
+
+
+def growing_on(stamps: np.ndarray, ends: Sequence[float]) -> np.ndarray:
+    """Stamps (n,) that go on growing where they begin anew at one of `ends`: a time of day at
+    midnight, a counter that is full. They fall from just below it to just above 0 there."""
+    known = np.isfinite(stamps)
+    steps = np.diff(stamps[known])
+    if not np.any(steps < 0) or not np.any(steps > 0):
+        return stamps
+    near = NEAR_ROWS * float(np.median(steps[steps > 0]))
+    grown = stamps[known]
+    for end in ends:
+        inside = np.all((grown >= 0) & (grown < end))
+        anew = (grown[:-1] >= end - near) & (grown[1:] <= near) & (steps < 0)
+        if inside and near < end / 2 and np.any(anew):
+            grown = grown + end * np.concatenate(([0], np.cumsum(anew)))
+            out = stamps.copy()
+            out[known] = grown
+            return out
+    return stamps
 
 
 def even(t_s: np.ndarray) -> np.ndarray:

@@ -4,7 +4,6 @@ import re
 
 import numpy as np
 
-DAY_S = 86400.0
 _CLOCK = re.compile(
     r"\s*(?:(\d{4}-\d\d-\d\d)[T ]|\d{1,4}[./-]\d{1,2}[./-]\d{1,4},?\s+)?"
     r"(\d{1,2}):(\d\d):(\d\d(?:[.,]\d+)?)\s*([AaPp][Mm])?\s*"
@@ -37,15 +36,3 @@ def clock_seconds(cell: str) -> float:
         east = 60 * abs(int(zone_hours)) + int(zone_minutes)
         since -= 60 * east * (-1 if zone_hours[0] == "-" else 1)
     return since + 3600 * hour + 60 * int(minutes) + float(seconds.replace(",", "."))
-
-
-def over_midnight(seconds: np.ndarray) -> np.ndarray:
-    """Times of day (n,) that go on growing over midnight: they fall back by more than half a day
-    there, as no clock that is set does. NaN stays; seconds since 1970 stay as they are."""
-    known = np.isfinite(seconds)
-    times = seconds[known]
-    if not len(times) or times.max() > 2 * DAY_S:
-        return seconds
-    grown = seconds.copy()
-    grown[known] = times + DAY_S * np.cumsum(np.diff(times, prepend=times[0]) < -DAY_S / 2)
-    return grown

@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from experiments.importing.formats.clock_text import clock_seconds, is_clock, over_midnight
+from experiments.importing.formats.clock_text import clock_seconds, is_clock
 from experiments.importing.formats.matlab import streams_of
 from experiments.importing.formats.messages import Columns, messages_of_lines, numbers
 from experiments.importing.recording import BadFileError, Stream, check_size, once_each
@@ -108,11 +108,9 @@ def _seconds(texts: Sequence[str | None]) -> np.ndarray:
 
 
 def _timed(stream: Stream, clocks: set[str]) -> Stream:
-    """The stream with its times of day growing over midnight, and their unit."""
-    times = {name: over_midnight(stream.columns[name]) for name in clocks & stream.columns.keys()}
-    return replace(
-        stream, columns={**stream.columns, **times}, units=dict.fromkeys(sorted(times), "s")
-    )
+    """The stream with the unit of its times of day."""
+    times = sorted(clocks & stream.columns.keys())
+    return replace(stream, units=dict.fromkeys(times, "s"))
 
 
 def _row(message: Mapping[str, Any], clocks: set[str]) -> dict[str, float]:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.importing.formats.clock_text import clock_seconds, is_clock, over_midnight
+from experiments.importing.formats.clock_text import clock_seconds, is_clock
 from experiments.importing.formats.decimals import NumberColumn, is_number
 from experiments.importing.formats.head_rate import time_by_rate
 from experiments.importing.formats.labelled import is_labelled, labelled
@@ -90,7 +90,6 @@ def _table(lines: Iterator[str]) -> Stream:
     sure = set().union(*(one.sure for one in found))
     numbers = {one.name: one.numbers(sure) for one in found}
     columns = {name: values for name, (values, _) in numbers.items()}
-    columns |= {name: over_midnight(columns[name]) for name in clocks}
     told = None if clocks else time_by_rate(columns, head[:first])
     if told:
         columns, units = columns | dict([told]), units | {told[0]: "s"}

@@ -6,8 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from experiments.importing.clock import growing_on, read_clock
 from experiments.importing.formats.choose import read_recording
-from experiments.importing.formats.clock_text import clock_seconds, over_midnight
+from experiments.importing.formats.clock_text import clock_seconds
+from experiments.importing.import_map import TimeMap
 
 
 @pytest.mark.parametrize(
@@ -26,12 +28,17 @@ def test_one_moment_in_other_words(text: str, same: str):
     assert clock_seconds(text) == clock_seconds(same)
 
 
-def test_a_clock_that_is_set_back_stays_and_one_over_midnight_grows():
-    over = np.array([86398.0, np.nan, 86399.0, 0.0, 1.0])
-    np.testing.assert_array_equal(over_midnight(over)[[0, 2, 3, 4]] - 86398, [0, 1, 2, 3])
-    assert np.isnan(over_midnight(over)[1])
-    for stays in ([50.0, 51.0, 10.0, 11.0], [1.7e9, 1.6e9], [np.nan]):
-        np.testing.assert_array_equal(over_midnight(np.array(stays)), stays)
+@pytest.mark.parametrize("end", [86400.0, 2.0**16, 2.0**32])
+def test_a_clock_that_begins_anew_at_its_end_goes_on(end: float):
+    stamps = np.array([end - 2, np.nan, end - 1, 0.0, 1.0])
+    grown = growing_on(stamps, (2.0**16, 2.0**32, 86400.0))
+    np.testing.assert_array_equal(grown - end, [-2, np.nan, -1, 0, 1])
+
+
+@pytest.mark.parametrize("stamps", [[50, 51, 10, 11], [1.7e9, 1.6e9, 1.6e9 + 1], [np.nan], []])
+def test_one_that_is_set_back_stays(stamps: list[float]):
+    before = np.array(stamps, float)
+    np.testing.assert_array_equal(growing_on(before, (2.0**16, 86400.0)), before)
 
 
 @pytest.mark.parametrize("name", ["a.csv", "a.jsonl", "a.json"])
@@ -44,4 +51,5 @@ def test_a_night_is_one_session(name: str, tmp_path: Path):
         text = "\n".join(lines) if name == "a.jsonl" else f"[{','.join(lines)}]"
     path = tmp_path / name
     path.write_text(text)
-    np.testing.assert_array_equal(np.diff(read_recording(path).stream.columns["at"]), 1.0)
+    clock = read_clock(read_recording(path).stream, TimeMap(column="at"))
+    np.testing.assert_array_equal(clock.t_s, np.arange(60))
