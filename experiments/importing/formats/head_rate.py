@@ -6,7 +6,9 @@ from collections.abc import Iterable, Iterator, Mapping
 import numpy as np
 
 _OF_ROWS = re.compile(
-    r"sampl|abtast|chantillon|muestr|campion|amostr|bemonster|\b(?:fs|dt|rate)\b", re.IGNORECASE
+    r"(?:^|data|log\w*|record\w*|acqui\w*)[\W_]*(?:rate|freq)|sampl|abtast|chantillon|muestr"
+    r"|campion|amostr|bemonster|\b(?:fs|dt)\b",
+    re.IGNORECASE,
 )
 _OF_FRAMES = re.compile(r"fram|bild|image|imagen|fps", re.IGNORECASE)
 _NUMBER = r"(\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?)"
@@ -14,8 +16,9 @@ _VALUES = (  # a number before its unit, behind one, behind what alone means her
     re.compile(rf"(?<![\w.,]){_NUMBER}\s*[\[(]?(k?hz|fps|[mµu]?s)\b", re.IGNORECASE),
     re.compile(rf"\b(k?hz|fps|[mµu]?s)\b[\])]?\s*[:=,;\t ]\s*{_NUMBER}(?!\w)", re.IGNORECASE),
     re.compile(rf"\b(fs|dt)\b\s*[:=,;\t]\s*{_NUMBER}(?!\s*\w)", re.IGNORECASE),
+    re.compile(rf"^\W*(?:[a-zé]+[\s_-]?)?(rate|freq|fps)[a-z]*[\W_]+{_NUMBER}\W*$", re.IGNORECASE),
 )
-_HERTZ = {"hz": 1.0, "fps": 1.0, "khz": 1e3, "fs": 1.0}
+_HERTZ = {"hz": 1.0, "fps": 1.0, "khz": 1e3, "fs": 1.0, "rate": 1.0, "freq": 1.0}
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "dt": 1.0}
 RATES_HZ = (4.0, 5000.0)  # slower no such table is read, faster none can be
 MIN_COUNTED = 0.5  # chosen: share of rows one after the other in a column that counts them
