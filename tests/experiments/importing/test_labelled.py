@@ -52,6 +52,21 @@ def test_a_unit_behind_a_number_is_its_columns(line: str, tmp_path: Path):
     np.testing.assert_allclose(stream.columns["x [mm]"], X_MM, atol=0.006)
 
 
+@pytest.mark.parametrize("level", ["INFO ", "[DEBUG]: ", "-> ", ""])
+def test_a_programs_log_has_stamps_levels_and_places_in_brackets(level: str, tmp_path: Path):
+    path = tmp_path / "log.txt"
+    rows = [
+        f"2024-03-11 14:05:{k:02d},500 {level}ball=({k}, -1.5e0) servo=[{k}; 90]" for k in range(50)
+    ]
+    path.write_text("\n".join(["2024-03-11 14:05:00,100 INFO camera opened", *rows]))
+    (stream,) = read_text(path)
+    stamp, *names = stream.columns
+    assert names == ["ball[1]", "ball[2]", "servo[1]", "servo[2]"]
+    assert stream.units == {stamp: "s"}
+    np.testing.assert_allclose(np.diff(stream.columns[stamp]), 1.0)
+    np.testing.assert_array_equal(stream.columns["servo[1]"], np.arange(50))
+
+
 def test_a_long_line_of_blanks_does_not_hold_it_up(tmp_path: Path):
     path = tmp_path / "log.txt"
     path.write_text(("a" + " " * 1_000_000 + "b\n") * 3)
