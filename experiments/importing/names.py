@@ -8,41 +8,46 @@ from experiments.importing.units import canonical, quantity
 
 WORDS = {
     "time": "t time zeit tempo temps tiempo tid tijd timestamp stamp clock elapsed tout date "
-    "datetime millis micros epoch datum uhrzeit zeitpunkt zeitstempel heure horodatage hora fecha",
+    "datetime millis micros epoch datum uhrzeit zeitpunkt zeitstempel heure horodatage hora "
+    "fecha",
     "ball": "xb yb obj object ball kugel palla bille balle bola bal kula marble sphere blob "
-    "centroid pelota esfera balón bolita",
-    "place": "pos position posizione posicion posición posicao posição positie lage ort point "
-    "xy pv touch touchscreen touchpad",
-    "target": "target setpoint sp ref reference desired des soll goal want wanted sollwert rif "
-    "objetivo consigna consigne alvo referencia referência referentie doel gewenst gewenste "
-    "desejado desejada",
-    "angle": "angle theta servo tilt winkel alpha beta roll pitch arm joint phi angolo platte "
-    "plate plat actuator stepper angulo ángulo ângulo brazo placa plateau servomotor rotation "
-    "rotazione rotacion rotación hoek plaat neigung kippwinkel inclinaison inclinazione "
-    "inclinacion inclinación inclinação platten kippung pan",
-    "command": "set cmd mv command commanded action out output ctrl control actuate actuated "
-    "applied stellgroesse stellgröße stellwert stellwinkel comando commande mando orden saida "
+    "centroid esfera balón bolita",
+    "place": "pos position lage ort point xy pv touch touchscreen touchpad",
+    "target": "target setpoint sp ref des soll goal want wanted sollwert rif objetivo alvo "
+    "referência doel",
+    "angle": "angle theta servo tilt winkel alpha beta roll pitch arm joint phi platte plate "
+    "plat actuator stepper brazo placa plateau servomotor rotation rotazione rotacion rotación "
+    "hoek plaat neigung platten pan",
+    "command": "set cmd mv action out output ctrl control applied stellwinkel mando orden saida "
     "saída uitgang pulse pulses pulsewidth impuls impulsion impulso pulso",
-    "measured": "meas measured actual act ist enc encoder feedback present state real fb joint "
-    "imu mpu inclinometer gemeten medido medida gemessen mesure mesuré mesurée misurato misurata",
-    "voltage": "volt volts voltage vm spannung tension tensión tensione voltaje tensao tensão "
-    "spanning",
+    "measured": "meas actual act ist enc feedback present state real fb joint imu mpu "
+    "inclinometer gemeten",
+    "voltage": "vm spannung tension tensión tensione tensao tensão spanning",
     "share": "pwm duty dutycycle",
     "current": "current amp amps strom stroom im corrente",
-    "speed": "speed vel velocity omega gyro dot rpm geschwindigkeit velocita velocidad vitesse "
-    "velocidade snelheid tacho tach rate",
-    "derived": "filtered filt est estimated estimate estimator kalman kf pred predicted smooth "
-    "smoothed hat lpf model sim",
+    "speed": "speed vel omega gyro dot rpm tacho tach rate",
+    "derived": "filt est kalman kf pred hat lpf model sim",
     "other": "error err fehler errore erro fout integral gain kp ki kd temperature temp battery "
     "loop fps count counter index frame id seq sequence nr covariance cov radius area conf "
-    "confidence score reward done torque effort force moment load current_draw trim bias "
-    "vx vy xdot ydot mps mmps cmps",
+    "confidence z score reward done torque effort force moment load current_draw trim bias vx vy "
+    "xdot ydot mps mmps cmps",
     "motor": "motor",
-    "seen": "detected found visible seen valid tracked erkannt gefunden sichtbar gueltig "
-    "gültig detecte detecté détecté trouve trouvé trovato visto valido detectado encontrado "
-    "gezien gevonden",
+    "seen": "detected found visible seen valid tracked erkannt gefunden sichtbar gueltig gültig "
+    "detecte detecté détecté trouve trouvé trovato visto valido detectado encontrado gezien "
+    "gevonden",
 }
 _ROLES = {word: role for role, words in WORDS.items() for word in words.split()}
+STEMS = {  # of words that languages end in many ways
+    "command": "comand command kommand stell actuat attuat angesteuert",
+    "measured": "measur gemess mesur misur medid rilev encoder",
+    "target": "sollw consign desir desej desead gewens refer",
+    "ball": "kugel pelot pallin",
+    "place": "posi",
+    "angle": "angol angul ángul ângul neigung inclin kipp winkel",
+    "derived": "estim filter filtr smooth predict",
+    "speed": "veloc geschwind vitess snelh",
+    "voltage": "volt spannung",
+}
 _AXES = {
     **dict.fromkeys(("x", "1", "u", "cx", "xb", "bx", "px"), "x"),
     **dict.fromkeys(("y", "2", "v", "cy", "yb", "by", "py"), "y"),
@@ -52,25 +57,7 @@ _AXES = {
 PLAIN = {"x", "y", "cx", "cy", "bx", "by", "px", "py"}
 SEEN_AS = {"real", "act", "actual", "ist", "meas", "measured", "gemessen"}  # x and y of the ball
 PLAIN_UNITS = {"deg", "degrees", "rad", "radians", "mm", "cm", "ms", "us", "volts", "px"}
-CLEAR_ANGLE = {
-    "angle",
-    "theta",
-    "tilt",
-    "winkel",
-    "alpha",
-    "beta",
-    "roll",
-    "pitch",
-    "phi",
-    "angolo",
-    "angulo",
-    "ángulo",
-    "ângulo",
-    "neigung",
-    "inclinaison",
-    "inclinazione",
-    "inclinación",
-}
+CLEAR_ANGLE = "angle theta tilt alpha beta roll pitch phi".split()
 _POSITION = {"position", "pos"}
 _BRACKETS = re.compile(r"[\[({<]\s*([^\])}>]{1,12})\s*[\])}>]")
 
@@ -101,7 +88,7 @@ def hints(names: Iterable[str], units: Mapping[str, str]) -> dict[str, Hint]:
     read = {}
     for name, words in split.items():
         servos = {"present", "goal"} & set(words) and _POSITION & set(words)
-        if bus and servos and not any(_ROLES.get(word) == "ball" for word in words):
+        if bus and servos and not any(_role_of(word) == "ball" for word in words):
             read[name] = hint(f"servo {name}", units.get(name))
             continue
         at = [i for i in _letters(words) if words[i] == "d" and tuple(words[:i]) not in others]
@@ -129,7 +116,7 @@ def hint(name: str, stated_unit: str | None = None) -> Hint:
             bare += " " + inside  # theta[1]: an index
     words = _words(bare)
     unit = unit or _unit_at_end(bare, words) or _unit_within(words)
-    roles = [_ROLES[word] for word in words if word in _ROLES]
+    roles = [role for word in words if (role := _role_of(word))]
     sayings = words[:-1] if unit and len(words) > 1 and canonical(words[-1]) == unit else words
     said = [word for word in reversed(sayings) if word in _AXES]
     said.sort(key=lambda word: word not in ("x", "y"))  # the pixel's u is a control's, too
@@ -137,8 +124,15 @@ def hint(name: str, stated_unit: str | None = None) -> Hint:
     role = _role(words, roles, unit)
     if role is None and set(_words(re.split(r"[./]", bare)[-1])) - SEEN_AS <= PLAIN:
         role = "ball"  # x and y alone
-    clear = any(word in CLEAR_ANGLE for word in words)
+    clear = any(word.startswith((*CLEAR_ANGLE, *STEMS["angle"].split())) for word in words)
     return Hint(role, axis, unit, clear, "derived" in roles, "ball" in roles)
+
+
+def _role_of(word: str) -> str | None:
+    """The role that a word says, or the stem that it begins with."""
+    stems = ((role, stem) for role, each in STEMS.items() for stem in each.split())
+    begun = (role for role, stem in stems if word.startswith(stem))
+    return _ROLES.get(word) or next(begun, None)
 
 
 def _words(name: str) -> list[str]:
@@ -222,7 +216,8 @@ def _role(words: list[str], roles: list[str], unit: str | None) -> str | None:
     ):
         if "speed" in has:
             return "speed"
-        if has & {"command", "target"} and "measured" not in has:
+        u = "u" in words  # an input, as control theory calls it
+        if (has & {"command", "target"} or (u and kind == "angle")) and "measured" not in has:
             return "command"
         return "theta" if "measured" in has and has & {"command"} == set() else "angle"
     if "speed" in has:

@@ -27,6 +27,10 @@ from experiments.importing.names import hint, hints
         ("x_px", "ball", "x", "px"),
         ("ball_px", "ball", "x", None),
         ("px", "ball", "x", None),
+        ("Angolo comandato X (gradi)", "command", "x", "deg"),
+        ("posizioni_y_misurate", "ball", "y", None),
+        ("u_deg[1]", "command", "x", "deg"),
+        ("u_px", "ball", "x", "px"),
         ("x_real", "ball", "x", None),
     ],
 )
