@@ -1,5 +1,9 @@
-"""Pictures as files: written whole or not at all, and over no link that leads elsewhere."""
+"""Figures in one style, and pictures as files: written whole or not at all, and over no link that
+leads elsewhere.
+"""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,7 +14,46 @@ if TYPE_CHECKING:
     import numpy as np
     from matplotlib.figure import Figure
 
+STYLE = {
+    "font.size": 10,
+    "axes.grid": True,
+    "grid.alpha": 0.25,
+    "savefig.dpi": 150,
+    "figure.constrained_layout.use": True,
+    "svg.hashsalt": "rig",
+    "legend.framealpha": 0.9,
+    "text.parse_math": False,  # names of runs and files are shown as they are
+}
 
+
+@contextmanager
+def our_style() -> Iterator[None]:
+    """What is drawn or written meanwhile has this style, whatever the user's is, which comes back:
+    a matplotlibrc or a notebook's settings are for figures of theirs. Decorates functions, too.
+    """
+    import matplotlib
+
+    with matplotlib.rc_context():
+        matplotlib.rcdefaults()
+        matplotlib.rcParams.update(STYLE)
+        yield
+
+
+def subplots(
+    rows: int = 1, columns: int = 1, *, figsize: tuple[float, float], **how: Any
+) -> tuple["Figure", Any]:
+    """A figure of figsize [inches] and its axes, as of matplotlib's `Figure.subplots`. It is none
+    of pyplot's, so a notebook does not show it and nobody has to close it.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=figsize)
+    FigureCanvasAgg(figure)
+    return figure, figure.subplots(rows, columns, **how)
+
+
+@our_style()
 def write_figure(figure: "Figure", path: Path, **how: Any) -> Path:
     """Write a figure in the format that the file's suffix names, and return the path; how: as of
     matplotlib's `savefig`. OSError: it cannot be written.

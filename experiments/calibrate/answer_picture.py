@@ -8,6 +8,7 @@ import numpy as np
 from calibration.motion.rolling import Rolling
 from calibration.records import PositionServoRecord
 from experiments.calibrate.pictures import save
+from experiments.picture_files import our_style, subplots
 from rig.log import COMMANDS, Log
 
 SHOWN_S = 12.0  # of the middle of a run: its beginning is often a hand's; chosen
@@ -38,6 +39,7 @@ def averaged(log: Log, axis: int, at_s: np.ndarray) -> np.ndarray:
     return told[held] @ (weights / weights.sum())
 
 
+@our_style()
 def answer_figure(
     log: Log,
     runs: Sequence[Rolling],
@@ -50,9 +52,7 @@ def answer_figure(
 
     source: "simulated" or "measured". Returns `path`, a PNG file. OSError: it cannot be written.
     """
-    from experiments.reports.figures import plt
-
-    figure, rows = plt.subplots(2, 1, figsize=(8, 5.6), sharex=True)
+    figure, rows = subplots(2, 1, figsize=(8, 5.6), sharex=True)
     middle_s = float(np.median(runs[0].seen_s))
     at_s = np.arange(-SHOWN_S / 2, SHOWN_S / 2, STEP_S) + middle_s
     for axes, run, found in zip(rows, runs, (record.x, record.y), strict=True):

@@ -14,7 +14,7 @@ from calibration.motion.rolling import Rolling
 from calibration.motion.servo import moves, pulse_angle
 from calibration.motion.timing import Wiggle, expected_sines
 from calibration.records import LevelRecord, ServoRecord, TimingRecord
-from experiments.picture_files import write_figure, write_image
+from experiments.picture_files import our_style, subplots, write_figure, write_image
 from rig.parameters import Rig
 from vision.plate.markers import MarkerLayout
 from vision.view import View
@@ -70,14 +70,13 @@ def plate_picture(image: np.ndarray, view: View, layout: MarkerLayout, path: Pat
     return write_image(drawn, path)
 
 
+@our_style()
 def camera_figure(lens: CameraCalibration, path: Path, source: str) -> Path:
     """Draw uncertainty and half-set difference on the plate [mm], and each picture's rms [px].
 
     source: "simulated" or "measured". Returns `path`, a PNG file. OSError: it cannot be written.
     """
-    from experiments.reports.figures import plt
-
-    figure, (left, middle, right) = plt.subplots(1, 3, figsize=(10, 3.2))
+    figure, (left, middle, right) = subplots(1, 3, figsize=(10, 3.2))
     reach = (-130, 130, -130, 130)
     titles = ("standard deviation on the plate", "difference of two half sets")
     for axes, values, title in zip(
@@ -95,6 +94,7 @@ def camera_figure(lens: CameraCalibration, path: Path, source: str) -> Path:
     return save(figure, path, source)
 
 
+@our_style()
 def servo_figure(
     ramped: Trace, pulsed: Trace, record: ServoRecord, path: Path, source: str
 ) -> Path:
@@ -102,9 +102,7 @@ def servo_figure(
 
     source: "simulated" or "measured". Returns `path`, a PNG file. OSError: it cannot be written.
     """
-    from experiments.reports.figures import plt
-
-    figure, rows = plt.subplots(2, 2, figsize=(9, 6))
+    figure, rows = subplots(2, 2, figsize=(9, 6))
     for a, (name, axis) in enumerate((("x", record.x), ("y", record.y))):
         left, right = rows[a]
         for move in moves(ramped, a):
@@ -122,6 +120,7 @@ def servo_figure(
     return save(figure, path, source)
 
 
+@our_style()
 def angle_figure(followed: Followed, expected: np.ndarray, path: Path, source: str) -> Path:
     """Draw what servos that take an angle were told, where they were seen and where the fit puts
     them: steps on the left, slow motion on the right.
@@ -129,9 +128,7 @@ def angle_figure(followed: Followed, expected: np.ndarray, path: Path, source: s
     expected: angles (m, 2) [rad] of the fit at the times seen; source: "simulated" or "measured".
     Returns `path`, a PNG file. OSError: it cannot be written.
     """
-    from experiments.reports.figures import plt
-
-    figure, rows = plt.subplots(2, 2, figsize=(9, 6))
+    figure, rows = subplots(2, 2, figsize=(9, 6))
     for a, name in enumerate("xy"):
         told = followed.told_rad[:, a]
         first = followed.t_s[int(np.argmax(told != 0))]
@@ -158,14 +155,13 @@ def _ball_and_servo(axes, run: Rolling, name: str) -> None:
     other.grid(False)
 
 
+@our_style()
 def time_figure(wiggle: Wiggle, record: TimingRecord, rig: Rig, path: Path, source: str) -> Path:
     """Draw the sines of the plate's tilt by the markers and by the delayed encoders over time.
 
     source: "simulated" or "measured". Returns `path`, a PNG file. OSError: it cannot be written.
     """
-    from experiments.reports.figures import plt
-
-    figure, rows = plt.subplots(2, 1, figsize=(8, 5), sharex=True)
+    figure, rows = subplots(2, 1, figsize=(8, 5), sharex=True)
     told = expected_sines(wiggle, record, rig)
     for a, axes in enumerate(rows):
         axes.plot(wiggle.stamp_s, wiggle.sines[:, a], ".", ms=3, color="#1f4fd8", label="markers")
@@ -180,14 +176,13 @@ def time_figure(wiggle: Wiggle, record: TimingRecord, rig: Rig, path: Path, sour
     return save(figure, path, source)
 
 
+@our_style()
 def level_figure(runs: Sequence[Rolling], record: LevelRecord, path: Path, source: str) -> Path:
     """Draw ball [mm] and servo angle [degrees] over time on both axes; runs: one for each axis.
 
     source: "simulated" or "measured". Returns `path`, a PNG file. OSError: it cannot be written.
     """
-    from experiments.reports.figures import plt
-
-    figure, rows = plt.subplots(2, 1, figsize=(8, 5), sharex=True)
+    figure, rows = subplots(2, 1, figsize=(8, 5), sharex=True)
     for axes, run, name in zip(rows, runs, ("x", "y"), strict=True):
         _ball_and_servo(axes, run, name)
         slope = record.slope_rad[name]
@@ -199,11 +194,10 @@ def level_figure(runs: Sequence[Rolling], record: LevelRecord, path: Path, sourc
     return save(figure, path, source)
 
 
+@our_style()
 def save(figure, path: Path, source: str) -> Path:
-    """Mark a figure with its source, write it as `path`, and close it. OSError: it cannot be."""
-    from experiments.reports.figures import SOURCES, plt
+    """Mark a figure with its source, write it as `path`. OSError: it cannot be."""
+    from experiments.reports.figures import SOURCES
 
     figure.text(0.995, 0.005, SOURCES[source], ha="right", va="bottom", fontsize=9, color="0.4")
-    write_figure(figure, path)
-    plt.close(figure)
-    return path
+    return write_figure(figure, path)

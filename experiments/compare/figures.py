@@ -8,7 +8,8 @@ import numpy as np
 from experiments.compare.case import Case
 from experiments.compare.statistics import HARMS, HELPS
 from experiments.compare.words import conditions as conditions_of
-from experiments.reports.figures import HELPS_HURTS, ball_cm, plt, save, servo_word
+from experiments.picture_files import our_style, subplots
+from experiments.reports.figures import HELPS_HURTS, ball_cm, save, servo_word
 from rig.log import Log, shown_angles
 
 COLOURS = {"without": "#1f4fd8", "with": "#d62728", "adaptive": "#9467bd", "neural": "#2ca02c",
@@ -27,6 +28,7 @@ def _is_dark(colour: np.ndarray) -> bool:
     return (luminance + 0.05) ** 2 < 1.05 * 0.05
 
 
+@our_style()
 def map_figure(results: Mapping, out: Path) -> Path:
     """Draw the gain over no compensator [cm] of every condition in every cell; returns the PNG
     file's path.
@@ -40,7 +42,7 @@ def map_figure(results: Mapping, out: Path) -> Path:
     )
     names = [c["key"].replace(" | ", " · ") for c in cells]
     wide = 1.4 + 0.077 * max(map(len, names)) + 0.95 * len(conditions)
-    figure, ax = plt.subplots(figsize=(wide, 1.4 + 0.24 * len(cells)))
+    figure, ax = subplots(figsize=(wide, 1.4 + 0.24 * len(cells)))
     image = ax.imshow(gain, cmap=HELPS_HURTS, vmin=-1.0, vmax=1.0, aspect="auto")
     for i, cell in enumerate(cells):
         for j, condition in enumerate(conditions):
@@ -73,6 +75,7 @@ def map_figure(results: Mapping, out: Path) -> Path:
     return save(figure, out, "compare_map", "simulated")
 
 
+@our_style()
 def effect_figure(results: Mapping, out: Path) -> Path:
     """Draw gains [cm] with 95 % intervals, one panel for each play; returns the PNG file's path.
 
@@ -85,7 +88,7 @@ def effect_figure(results: Mapping, out: Path) -> Path:
     conditions = conditions_of(results["cells"])
     columns = min(4, len(cells))
     lines = -(-len(cells) // columns)
-    figure, axes = plt.subplots(
+    figure, axes = subplots(
         lines,
         columns,
         figsize=(3.1 * columns, 0.8 + 2.3 * lines),
@@ -115,11 +118,12 @@ def _seconds(log: Log) -> np.ndarray:
     return log["t_s"]
 
 
+@our_style()
 def case_figure(case: Case, out: Path) -> Path:
     """Draw ball [cm] and servo [deg] over time on axis x, one row for each condition; returns the
     PNG file's path. OSError: `out` cannot be written.
     """
-    figure, axes = plt.subplots(
+    figure, axes = subplots(
         len(case.runs),
         2,
         figsize=(9, 1.6 * len(case.runs)),
@@ -140,12 +144,13 @@ def case_figure(case: Case, out: Path) -> Path:
     return save(figure, out, "compare_case", "simulated")
 
 
+@our_style()
 def crossing_figure(case: Case, out: Path) -> Path:
     """Draw one reversal of up to four conditions: wanted, reference, servo and plate [deg]; returns
     the PNG file's path. OSError: `out` cannot be written.
     """
     conditions = [condition for condition in case.runs if condition != "adaptive-asymmetric"][:4]
-    figure, axes = plt.subplots(
+    figure, axes = subplots(
         1, len(conditions), figsize=(2.9 * len(conditions), 2.9), sharey=True, squeeze=False
     )
     for ax, condition in zip(axes[0], conditions, strict=True):
@@ -183,6 +188,7 @@ def _reversal(log: Log, before_s: float = 0.3, after_s: float = 0.7) -> slice:
     return slice(max(0, at - round(before_s / tick)), at + round(after_s / tick))
 
 
+@our_style()
 def convergence_figure(case: Case, out: Path) -> Path:
     """Draw the two break points of the backlash [deg] over time, estimated and true; returns the
     PNG file's path.
@@ -190,7 +196,7 @@ def convergence_figure(case: Case, out: Path) -> Path:
     The estimates are those of the adaptive inverses and of the observer of "with". OSError: `out`
     cannot be written.
     """
-    figure, ax = plt.subplots(figsize=(6.5, 3.0))
+    figure, ax = subplots(figsize=(6.5, 3.0))
     for condition in ("adaptive", "adaptive-asymmetric"):
         if condition in case.runs:
             t, c = case.runs[condition].log["t_s"], np.degrees(case.runs[condition].believed_rad)

@@ -16,8 +16,8 @@ from matplotlib.ticker import FuncFormatter, NullLocator
 from calibration.gap.findings import PlateMap, Profile, ProofRow, RankedEffect, Step
 from calibration.gap.report.units import effect_words, shown_unit, sig
 from experiments.gap.words import channel_words, percent
-from experiments.picture_files import write_figure
-from experiments.reports.figures import CENTRE, WITH, WITHOUT, plt
+from experiments.picture_files import our_style, subplots, write_figure
+from experiments.reports.figures import CENTRE, WITH, WITHOUT
 from rig.parameters import CHANNELS
 
 COLOURS: dict[str, str] = dict(
@@ -33,13 +33,11 @@ WIDE, SMALL = 8.6, 9  # inches, points: letters are read where a figure is as wi
 
 
 def save(figure: Figure, folder: Path, name: str) -> Path:
-    """Write the figure as NAME.png in `folder`, close it, and return the file's path.
+    """Write the figure as NAME.png in `folder` and return the file's path.
 
     OSError: the file cannot be written.
     """
-    path = write_figure(figure, folder / f"{name}.png", bbox_inches="tight", pad_inches=0.08)
-    plt.close(figure)
-    return path
+    return write_figure(figure, folder / f"{name}.png", bbox_inches="tight", pad_inches=0.08)
 
 
 def _floor_line(axis: Axes) -> None:
@@ -95,13 +93,14 @@ def _runs(axis: Axes, profile: Profile, names: Sequence[str]) -> None:
     above.tick_params(length=0)
 
 
+@our_style()
 def over_time(profiles: Sequence[Profile], names: Sequence[str] = ()) -> Figure:
     """Gap of every channel [noise floors] over the time of the logs [s], as steps, one run after
     the other.
 
     profiles: those whose quantity is the time; names: of the runs.
     """
-    figure, axis = plt.subplots(figsize=(WIDE, 2.9))
+    figure, axis = subplots(figsize=(WIDE, 2.9))
     for profile in profiles:
         _curve(axis, profile, 1.0)
     _floor_line(axis)
@@ -113,6 +112,7 @@ def over_time(profiles: Sequence[Profile], names: Sequence[str] = ()) -> Figure:
     return figure
 
 
+@our_style()
 def over_state(profiles: Sequence[Profile]) -> Figure:
     """Gap of one side's channels [noise floors] over each quantity of the table's state.
 
@@ -123,7 +123,7 @@ def over_state(profiles: Sequence[Profile]) -> Figure:
         panels.setdefault((profile.quantity, profile.unit), []).append(profile)
     columns = 2 if len(panels) == 4 else min(3, len(panels))
     rows = ceil(len(panels) / columns)
-    figure, axes = plt.subplots(rows, columns, figsize=(WIDE, 2.1 * rows), squeeze=False)
+    figure, axes = subplots(rows, columns, figsize=(WIDE, 2.1 * rows), squeeze=False)
     for axis in axes.flat[len(panels) :]:
         axis.set_axis_off()
     largest = _largest(profiles)
@@ -157,12 +157,13 @@ def _panel(axis: Axes, unit: str, curves: Sequence[Profile]) -> None:
             axis.set_xticks((edges[1:] + edges[:-1]) / 2, words[len(edges) - 1])
 
 
+@our_style()
 def plate_map(found: PlateMap) -> Figure:
     """Mean innovation of the ball over the plate, one panel for x and y each [noise floors].
 
     Cells without samples are grey.
     """
-    figure, axes = plt.subplots(1, 2, figsize=(WIDE, 3.9), sharey=True)
+    figure, axes = subplots(1, 2, figsize=(WIDE, 3.9), sharey=True)
     mean = np.where(np.asarray(found.count)[..., None] > 0, found.mean, np.nan)
     finite = mean[np.isfinite(mean)]
     top = max(1.0, float(np.abs(finite).max())) if len(finite) else 1.0
@@ -185,6 +186,7 @@ def plate_map(found: PlateMap) -> Figure:
     return figure
 
 
+@our_style()
 def ranking(candidates: Sequence[RankedEffect], accepted: Sequence[str]) -> Figure:
     """Probability [%] of the SHOWN_NAMES likeliest effects, as bars.
 
@@ -192,7 +194,7 @@ def ranking(candidates: Sequence[RankedEffect], accepted: Sequence[str]) -> Figu
     """
     shown = sorted(candidates, key=lambda c: (-c.probability, not c.refused, -c.score))
     shown = shown[:SHOWN_NAMES]
-    figure, axis = plt.subplots(figsize=(WIDE, 0.36 * len(shown) + 1.0))
+    figure, axis = subplots(figsize=(WIDE, 0.36 * len(shown) + 1.0))
     for row, c in enumerate(shown):
         colour = WITH if c.name in accepted else "0.6"
         axis.barh(row, 100 * c.probability, color=colour, height=0.7)
@@ -214,9 +216,10 @@ def _wrapped(label: str, width: int = 38) -> str:
     return label if cut < 0 else f"{label[: cut + 2]}\n{label[cut + 3 :]}"
 
 
+@our_style()
 def shrinking(steps: Sequence[Step]) -> Figure:
     """Gap of every channel [noise floors] after each added effect, as groups of bars."""
-    figure, axis = plt.subplots(figsize=(WIDE, 3.6))
+    figure, axis = subplots(figsize=(WIDE, 3.6))
     channels = [c for c in CHANNELS if any(c in step.gap for step in steps)]
     at = np.arange(len(steps))
     width = 0.8 / max(len(channels), 1)
@@ -266,6 +269,7 @@ def _step_label(added: str, steps: int) -> str:
     )
 
 
+@our_style()
 def ahead(rows: Sequence[ProofRow], floor_mm: float | None) -> Figure:
     """RMS error of the ball one second ahead [mm] of each model, on held-out data, as bars.
 
@@ -276,7 +280,7 @@ def ahead(rows: Sequence[ProofRow], floor_mm: float | None) -> Figure:
     labels = [fill(effect_words(row.model), LABEL_LETTERS) for row in shown]
     lines = max((label.count("\n") + 1 for label in labels), default=1)
     each = max(0.42, 0.19 * lines)  # inches
-    figure, axis = plt.subplots(figsize=(WIDE, each * len(shown) + 1.1))
+    figure, axis = subplots(figsize=(WIDE, each * len(shown) + 1.1))
     values = [float(row.ahead_1s_mm or 0.0) for row in shown]
     colours = [WITH if row.model.startswith("named") else "0.6" for row in shown]
     axis.barh(range(len(shown)), values, color=colours, height=0.65)

@@ -10,13 +10,6 @@ from math import ceil, degrees, log10
 from pathlib import Path
 from typing import Any
 
-import matplotlib
-
-from experiments.picture_files import write_figure
-
-matplotlib.use("Agg")
-
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -24,6 +17,7 @@ from matplotlib.patheffects import withStroke
 from matplotlib.transforms import blended_transform_factory
 
 from experiments.analysis.samples import ball_samples, run_part
+from experiments.picture_files import our_style, subplots, write_figure
 from rig.log import Log, shown_angles
 
 # With, without, and what is wanted, in every figure; told apart by the colour-blind, too (a test).
@@ -35,19 +29,6 @@ HELPS_HURTS = (
 SOURCES = {"simulated": "virtual rig", "measured": "measured"}
 _CM = 100.0
 TIME_IN = 4.8, 2.5  # of figures over time; chosen: half a sheet's width leaves letters of 7 points
-matplotlib.rcdefaults()  # a matplotlibrc of the user's is for figures of theirs
-plt.rcParams.update(
-    {
-        "font.size": 10,
-        "axes.grid": True,
-        "grid.alpha": 0.25,
-        "savefig.dpi": 150,
-        "figure.constrained_layout.use": True,
-        "svg.hashsalt": "rig",
-        "legend.framealpha": 0.9,
-        "text.parse_math": False,  # names of runs and files are shown as they are
-    }
-)
 
 
 def shown_unit(unit: str) -> tuple[float, str]:
@@ -60,6 +41,7 @@ def colour_of(arm: str) -> str:
     return WITHOUT if arm == "without" else WITH
 
 
+@our_style()
 def mark_times(figure: Figure, times_s: Sequence[float], text: str) -> None:
     """A dotted line at each of these times [s from release] in every axes; `text` at the first."""
     for axis in figure.axes:
@@ -94,10 +76,11 @@ def _angle_label(log: Log, a: int) -> str:
     return f"{servo_word(log)} {'xy'[a]}\n[deg]"
 
 
+@our_style()
 def save(figure: Figure, folder: Path, name: str, source: str) -> Path:
     """Mark the figure with its source, write NAME.png and NAME.svg, and return the PNG's path.
 
-    source: "simulated" or "measured". Closes the figure. OSError: a file cannot be written.
+    source: "simulated" or "measured". OSError: a file cannot be written.
     """
     engine = figure.get_layout_engine()
     if engine is not None:  # room for the mark above everything else
@@ -108,7 +91,6 @@ def save(figure: Figure, folder: Path, name: str, source: str) -> Path:
     if engine is not None:
         figure.set_layout_engine("none")  # everything has its place: not sought again for the SVG
     write_figure(figure, folder / f"{name}.svg", metadata={"Date": None})
-    plt.close(figure)
     return path
 
 
@@ -117,9 +99,10 @@ def ball_over_time(without: Log, with_: Log) -> Figure:
     return _two_axes(_arms(without, with_), with_)
 
 
+@our_style()
 def _two_axes(curves: Sequence[tuple[Log, str, str]], referred: Log) -> Figure:
     """Ball x and y over time, one above the other; the reference is that of `referred`."""
-    figure, axes = plt.subplots(2, 1, figsize=TIME_IN, sharex=True)
+    figure, axes = subplots(2, 1, figsize=TIME_IN, sharex=True)
     for a, axis in enumerate(axes):
         run = run_part(referred)
         reference = _CM * run["target_" + "xy"[a] + "_m"]
@@ -138,9 +121,10 @@ def ball_of_run(log: Log, colour: str) -> Figure:
     return _two_axes([(log, colour, "ball")], log)
 
 
+@our_style()
 def servo_of_run(log: Log, colour: str) -> Figure:
     """Servo angles x, y [deg] over time of one run in this colour, with the desired angles."""
-    figure, axes = plt.subplots(2, 1, figsize=TIME_IN, sharex=True)
+    figure, axes = subplots(2, 1, figsize=TIME_IN, sharex=True)
     t, theta, desired = _servo(log)
     for a, axis in enumerate(axes):
         axis.plot(t, theta[:, a], color=colour, lw=1.0, label=servo_word(log))
@@ -174,6 +158,7 @@ def _arms(without: Log, with_: Log) -> list[tuple[Log, str, str]]:
     return [(without, WITHOUT, ARMS["without"]), (with_, WITH, ARMS["with"])]
 
 
+@our_style()
 def servo_over_time(without: Log, with_: Log, *, panels: Sequence[str] = ("", "")) -> Figure:
     """Figs. 8 and 11: servo angles (or commands); without blue, with red, desired green and
     alone dashed.
@@ -181,7 +166,7 @@ def servo_over_time(without: Log, with_: Log, *, panels: Sequence[str] = ("", ""
     The desired angle drawn is that of the arm with play compensation (each arm has its own and is
     judged by it). panels: letters of the two axes.
     """
-    figure, axes = plt.subplots(2, 1, figsize=TIME_IN, sharex=True)
+    figure, axes = subplots(2, 1, figsize=TIME_IN, sharex=True)
     for a, axis in enumerate(axes):
         for log, colour, label in _arms(without, with_):
             t, theta, _ = _servo(log)
@@ -239,6 +224,7 @@ def _centroid(axis: Axes, arm: str, xy_cm: np.ndarray) -> None:
     )
 
 
+@our_style()
 def release_scatter(
     without: Log, with_: Log, centroids_cm: Mapping[str, np.ndarray], side_cm: float = 27.5
 ) -> Figure:
@@ -247,7 +233,7 @@ def release_scatter(
     centroids_cm: arm -> (2,), empty where the target moves: then without the view of the centre;
     side_cm: side of the plate.
     """
-    figure, axis = plt.subplots(figsize=(4.8, 4.6))
+    figure, axis = subplots(figsize=(4.8, 4.6))
     _plate(axis, side_cm)
     views = [(axis, 1.0)]
     if centroids_cm:
@@ -274,6 +260,7 @@ def release_scatter(
     return figure
 
 
+@our_style()
 def pushed_scatter(
     log: Log, centroid_cm: np.ndarray | None, arm: str, side_cm: float = 27.5
 ) -> Figure:
@@ -282,7 +269,7 @@ def pushed_scatter(
 
     centroid_cm (2,), None where the target moves; arm: for the legend; side_cm: side of the plate.
     """
-    figure, axis = plt.subplots(figsize=(4.8, 4.6))
+    figure, axis = subplots(figsize=(4.8, 4.6))
     _plate(axis, side_cm)
     xy = ball_cm(log)[1]
     axis.plot(*xy.T, ".", color=colour_of(arm), ms=2.6, label=f"ball, {ARMS.get(arm, arm)}")
@@ -293,13 +280,14 @@ def pushed_scatter(
     return figure
 
 
+@our_style()
 def eight_runs(without: Sequence[Log], with_: Sequence[Log], size_cm: float = 3.0) -> Figure:
     """Fig. 14: a_1..a_n without (blue), b_1..b_n with (red), as many runs of both arms.
 
     size_cm: half the side of the square shown about the centre.
     """
     n = len(without)
-    figure, axes = plt.subplots(2, n, figsize=(2.0 * n + 0.6, 4.6), sharex=True, sharey=True)
+    figure, axes = subplots(2, n, figsize=(2.0 * n + 0.6, 4.6), sharex=True, sharey=True)
     arms = ((without, "without", "a"), (with_, "with", "b"))
     for row, (logs, arm, letter) in enumerate(arms):
         colour = colour_of(arm)
@@ -317,6 +305,7 @@ def eight_runs(without: Sequence[Log], with_: Sequence[Log], size_cm: float = 3.
     return figure
 
 
+@our_style()
 def play_map(cells: Sequence[dict], measure: str, title: str, unit: str) -> Figure:
     """Map of the effect (without - with) over gear and joint play, with verdicts.
 
@@ -332,9 +321,7 @@ def play_map(cells: Sequence[dict], measure: str, title: str, unit: str) -> Figu
     digits = max(0, ceil(-log10(matters / 10)))  # down to a tenth of what decides the verdict
     largest = factor * max(abs(cell[measure]["effect"]) for cell in cells)
     top = max(largest, 2 * matters)
-    figure, axis = plt.subplots(
-        figsize=(max(1.55 * len(gears), 2.6) + 1.8, 0.85 * len(joints) + 1.3)
-    )
+    figure, axis = subplots(figsize=(max(1.55 * len(gears), 2.6) + 1.8, 0.85 * len(joints) + 1.3))
     for cell in cells:
         i, j = joints.index(cell["joint_deg"]), gears.index(cell["gear_deg"])
         result = cell[measure]
@@ -371,12 +358,13 @@ def verdict_word(result: dict) -> str:
     return "unclear"
 
 
+@our_style()
 def play_estimates(logs: Sequence[Log], truth_deg: Mapping[str, float]) -> Figure:
     """Estimated gear and joint play of both axes [deg, full width] over time, with 2 sigma bands.
 
     truth_deg: true play of the table for "gear" and "joint".
     """
-    figure, axes = plt.subplots(1, 2, figsize=(6.8, 2.8), sharex=True, sharey=True)
+    figure, axes = subplots(1, 2, figsize=(6.8, 2.8), sharex=True, sharey=True)
     for axis, place in zip(axes, ("gear", "joint"), strict=True):
         for log in logs:
             run = run_part(log)

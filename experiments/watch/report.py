@@ -2,12 +2,12 @@
 
 from pathlib import Path
 
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
 
 from calibration.gap.report.units import shown_unit, sig
 from calibration.watch.run_estimates import unit_of
+from experiments.picture_files import our_style, subplots
 from experiments.records.run_folder import write_results
 from experiments.reports.figures import CENTRE, WITH, WITHOUT, save
 from experiments.reports.report import (
@@ -125,11 +125,12 @@ def _accepted(found: Watch, column: int) -> float:
     return float(told.mean()) if len(told) else float("nan")
 
 
+@our_style()
 def history(found: Watch) -> Figure:
     """Every watched parameter over the runs that count, with intervals; changes in red."""
     p = len(found.parameters)
     lines = -(-p // COLUMNS)
-    figure, axes = plt.subplots(
+    figure, axes = subplots(
         lines, COLUMNS, figsize=(9.6, 1.7 * lines + 0.6), sharex=True, squeeze=False
     )
     accepted = sum(one.state == ACCEPTED for one in found.runs)

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from experiments.compare.compare import run_comparison
+from experiments.picture_files import our_style, subplots
 from experiments.progress import silent
-from experiments.reports.figures import plt
 
 ROOT = Path(__file__).parents[3]
 TABLES = ("bus-servos", "hobby-two-servos", "three-arms")
@@ -45,9 +45,10 @@ def rows(results: dict) -> dict[str, dict[str, dict]]:
     return found
 
 
+@our_style()
 def picture(found: dict[str, dict], path: Path) -> None:
     """Gains [cm] with intervals: a panel a table, a line a play, model and sham."""
-    figure, panels = plt.subplots(1, len(found), figsize=(11, 3.6), sharey=True, sharex=True)
+    figure, panels = subplots(1, len(found), figsize=(11, 3.6), sharey=True, sharex=True)
     for panel, (table, results) in zip(panels, found.items(), strict=True):
         plays = list(rows(results))
         for cell in chosen(results):
@@ -70,7 +71,6 @@ def picture(found: dict[str, dict], path: Path) -> None:
         panels[0].plot([], [], color=colour, label=arm)
     figure.legend(loc="outside lower center", ncols=len(PROTOCOLS) + len(COLOURS))
     figure.savefig(path)
-    plt.close(figure)
 
 
 def word(arm: dict) -> str:

@@ -6,7 +6,6 @@ import numpy as np
 from experiments.compare import figures, report
 from experiments.compare.statistics import EVEN, HARMS, HELPS, OPEN
 from experiments.compare.words import _winners, paper_words, too_few_words, words
-from experiments.reports.figures import plt
 
 
 def cell(play: str, verdicts: dict[str, str], effect: float = 0.3) -> dict:
@@ -101,7 +100,6 @@ def test_the_map_tells_help_from_harm_without_red_and_green_and_can_be_read(tmp_
     lost = [text for text in axes.texts if text.get_text() == "lost"]
     assert [text.get_color() for text in lost] == ["black", "black"]  # on white
     assert min(label.get_window_extent().x0 for label in axes.get_yticklabels()) >= 0.0
-    plt.close(kept["figure"])
 
 
 def test_where_nothing_completed_nothing_has_the_smallest_error():

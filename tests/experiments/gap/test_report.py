@@ -266,11 +266,10 @@ def test_the_gap_over_time_shows_where_a_run_ends_and_which_is_next():
     two = replace(time, starts_s=np.array([0.0, 16.5]))
 
     def shown(*of) -> tuple[list[float], list[str]]:
-        (axis,) = (figure := figures.over_time(*of)).axes
+        (axis,) = figures.over_time(*of).axes
         upright = [float(x[0]) for x, y in (line.get_data() for line in axis.lines) if y[0] != y[1]]
         (above,) = axis.child_axes or (None,)
         labels = [t.get_text() for t in above.get_xticklabels()] if above else []
-        figures.plt.close(figure)
         return upright, labels
 
     assert shown([time], ["run.csv"]) == ([], [])
@@ -323,7 +322,6 @@ def texts_inside(figure):
     assert tight.width < 1.25 * figure.get_figwidth()
     letters = [t.get_fontsize() for t in figure.findobj(Text) if t.get_text() and t.get_visible()]
     assert min(letters) * ENLARGED_PX / (96 * tight.width) >= 9.0
-    figures.plt.close(figure)
 
 
 def test_figures_have_room_for_their_words():

@@ -3,11 +3,11 @@
 from functools import partial
 from pathlib import Path
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from matplotlib.text import Text
 
+from experiments.picture_files import our_style, subplots
 from experiments.reports.figures import (
     ARMS,
     WITH,
@@ -25,16 +25,16 @@ from rig.log import Log
 
 @pytest.mark.parametrize("name", ["$\\frac{$", "5 $ or $x^$", "a_b^{c"])
 def test_no_name_breaks_a_figure(tmp_path: Path, name: str):
-    figure, axes = plt.subplots()
-    axes.set_title(name)
-    axes.plot([0, 1], label=name)
-    axes.legend()
+    with our_style():
+        figure, axes = subplots(figsize=(4, 3))
+        axes.set_title(name)
+        axes.plot([0, 1], label=name)
+        axes.legend()
     assert name in Path(save(figure, tmp_path, "x", "simulated")).with_suffix(".svg").read_text()
 
 
 def words_of(figure) -> list[str]:
     found = [one.get_text() for one in figure.findobj(lambda one: hasattr(one, "get_text"))]
-    plt.close(figure)
     return found
 
 
@@ -82,7 +82,6 @@ def test_centroids_on_one_point_are_told_apart_by_colour_and_shape():
         assert with_.get_marker() != without.get_marker()
         assert with_.get_markersize() < without.get_markersize()  # and drawn last
         assert list(marks) == ["centroid, without", "centroid, with"]
-    plt.close(figure)
 
 
 def test_letters_are_read_at_half_a_sheets_width():
@@ -93,7 +92,6 @@ def test_letters_are_read_at_half_a_sheets_width():
         width_in, height_in = figure.get_size_inches()
         shrunk = min(91 / width_in, most_mm / height_in) / 25.4
         sizes = [one.get_fontsize() for one in figure.findobj(Text) if one.get_text()]
-        plt.close(figure)
         assert min(sizes) * shrunk > 5.9  # points
 
 

@@ -8,7 +8,6 @@ from pathlib import Path
 from types import SimpleNamespace
 from unittest.mock import Mock
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
@@ -188,7 +187,6 @@ def test_the_history_shows_what_the_rig_file_says():
     heights = np.concatenate([np.asarray(line.get_ydata(), float) for line in axis.lines])
     assert np.isclose(heights, np.degrees(0.01)).any()
     assert axis.get_ylim()[0] > 0.6  # the runs set the scale
-    plt.close(figure)
 
 
 def test_lost_rows_are_told_and_odd_names_break_no_line(runs: Path, tmp_path: Path):
