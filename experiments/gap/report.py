@@ -286,7 +286,7 @@ def _servo_blocks(found: Findings) -> list[Block]:
         off, too_far = recalibration(key, interval, found.rig_before)
         nominal = nominal_of(key, found.rig_before)
         told = f"{sig(factor * nominal)} {unit}" if nominal is not None else "-"
-        by = f"{100 * off:+.1f} %" if off is not None else "-"
+        by = f"{100 * off:+z.1f} %" if off is not None else "-"
         if too_far:
             far.append(f"{label.replace('_', ' ')} is off by {by}")
             marks[len(rows)] = "strong"

@@ -78,7 +78,10 @@ def locate_stage(found: Findings, folder: Path, names: Sequence[str]) -> Section
             figure = figures.over_state(mine)
             blocks.append(picture(figure, folder, f"gap-over-state-{side}", caption))
     for i, found_map in enumerate(found.maps):
-        caption = "Mean error over the plate, seen from above: a pattern is a force or a lens."
+        caption = (
+            "Mean error over the plate, seen from above: a pattern is a force or a lens; grey where "
+            "the ball never was."
+        )
         figure = figures.plate_map(found_map)
         blocks.append(picture(figure, folder, f"plate-map-{i + 1}", caption))
     question = (
@@ -99,7 +102,8 @@ def _level_table(found: Findings) -> Table:
         size = f"{sig(factor * floor * before)} {unit}" if isfinite(floor) else "-"
         rows.append([channel_words(channel), floors(before), size, small])
     head = ("channel", "gap [floors]", "error (RMS)", "noise floor")
-    return Table(head, rows, f"The model as it came; the floor is that of: {found.gap.floor}.")
+    floor = f"The noise floor is that of the {found.gap.floor}."
+    return Table(head, rows, f"The model as it came. {floor}")
 
 
 def name_stage(found: Findings, folder: Path) -> Section:

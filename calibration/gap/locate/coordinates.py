@@ -81,6 +81,15 @@ def up_to(edges: np.ndarray, x: np.ndarray) -> np.ndarray:
     return np.append(edges[: max(last, 1)], np.inf)
 
 
+def by_run(edges: np.ndarray, starts_s: np.ndarray) -> np.ndarray:
+    """The even edges (n + 1,) [s] of bins of time, moved so that no bin spans two runs;
+    `starts_s` (r,): the runs' starts on the same axis, the first at the first edge."""
+    starts, half = starts_s[1:], (edges[1] - edges[0]) / 2
+    limits = np.concatenate([edges[[0, -1]], starts])
+    far = np.abs(edges[:, None] - limits).min(axis=1) >= half
+    return np.unique(np.concatenate([limits, edges[far]]))
+
+
 def _placed(kind: str, axis: str, x: np.ndarray, parts: int = POSITION_BINS) -> Coordinate:
     edges = evenly(x, parts)
     return Coordinate(kind, axis, np.clip(x, edges[0], edges[-1]), edges)

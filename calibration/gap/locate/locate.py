@@ -12,6 +12,7 @@ import numpy as np
 
 from calibration.gap.findings import PlateMap, Profile, Where
 from calibration.gap.locate.channels import Channel, channel, present
+from calibration.gap.locate.coordinates import by_run
 from calibration.gap.locate.disturbances import (
     Coordinate,
     Pattern,
@@ -236,6 +237,8 @@ def profiles_of(c: Channel) -> list[Profile]:
 
 
 def _profile(c: Channel, q: Coordinate) -> Profile:
+    if q.kind == "time":
+        q = replace(q, edges=by_run(q.edges, c.starts_s))
     gap, count = _binned(c.gap, q)
     edges = q.edges
     if q.kind == "reversal":  # what lies beyond the last edge is not drawn

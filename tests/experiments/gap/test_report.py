@@ -295,12 +295,17 @@ def test_odd_findings_still_make_a_page(tmp_path):
         ranking=(replace(RANKING[0], probability=0.0),),
         steps=(Step("", {"ball_x": np.nan}), Step("bad_karma", {"ball_x": 1000.0})),
         proof=(ProofRow("nothing added", {}, None), ProofRow("named: bad_karma", {}, 0.0)),
-        calibrated={"gain_x_rad_s_V": Interval(22.0, 22.0, 22.0)},
+        calibrated={
+            "gain_x_rad_s_V": Interval(22.0, 22.0, 22.0),
+            "time_constant_x_s": around(0.99999 * Rig().servo.time_constant_s),
+        },
         rig_before=Rig(),
     )
     page = words(write_gap_report(found, tmp_path, names=[]).read_text(encoding="utf-8"))
     assert "bad_karma x size" in page
     assert "22 [22, 22] rad/s/V" in page
+    assert "+0.0 %" in page
+    assert "-0.0 %" not in page
     assert summary_lines(found)
 
 

@@ -8,6 +8,7 @@ import pytest
 
 from calibration.gap.findings import Where
 from calibration.gap.locate.channels import channel, present
+from calibration.gap.locate.coordinates import by_run
 from calibration.gap.locate.locate import NO_DEPARTURE, Located, locate, rms, sentence
 from calibration.gap.model import data, parameters
 from calibration.gap.model.state import State, with_levels
@@ -153,11 +154,24 @@ def test_profiles_and_map_hold_every_sample_that_is_used():
     assert np.abs(place.mean[..., 1]).max() > 1.0
 
 
+@pytest.mark.parametrize("starts", [[0.0], [0.0, 3.07], [0.0, 2.0, 2.02, 2.04, 9.99]])
+def test_no_bin_of_time_spans_two_runs(starts):
+    even = np.linspace(0.0, 10.0, 41)
+    edges = by_run(even, np.array(starts))
+    assert set(starts) | {10.0} <= set(edges)
+    assert (np.diff(edges) > 0).all()
+    assert np.diff(edges).max() < 1.6 * 0.25
+    between = np.setdiff1d(edges, even)
+    assert set(between) <= set(starts)
+
+
 @pytest.mark.slow
 def test_two_logs_and_missing_channels():
     log = hidden_log("bump")
     both = located(make_log("steps", seed=SEED), log)
     assert re.match(r"ball y, in log 2, from (8|9)\.\d to 1[678]\.\d s", both.sentence)
+    over_time = [p for p in both.profiles if p.quantity == "time"]
+    assert all(set(p.starts_s) - {0.0} < set(p.edges) for p in over_time)
     no_ball = {k: v for k, v in log.items() if not k.startswith(("ball", "target"))}
     found = located(no_ball)
     assert {p.channel for p in found.profiles} == {"servo_x", "servo_y"}
