@@ -57,9 +57,9 @@ OutOption = Annotated[Path, typer.Option("--out", help="Folder for what is made.
 
 def _tell_version(asked: bool) -> None:
     if asked:
-        from importlib.metadata import version
+        from experiments.reports.program import program_words
 
-        say(f"rig {version('balancing-table-rig')}")
+        say(program_words("rig"))
         raise typer.Exit
 
 

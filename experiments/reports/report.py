@@ -14,6 +14,7 @@ from typing import Any
 from jinja2 import Environment, PackageLoader
 
 from experiments.analysis.metrics import NUMBERS_TOLD
+from experiments.reports.program import PROGRAM, program_words
 from experiments.reports.units import unbroken
 from rig.files import upright, write_ours
 
@@ -73,7 +74,6 @@ class Table:
         return any(part == "-" for row in self.rows for cell in row for part in cell.split(", "))
 
 
-PROGRAM = "balancing-table-rig"  # stands in every page (templates/base.html)
 Block = str | Code | Pictures | Table  # str: a paragraph
 
 
@@ -123,14 +123,8 @@ def write_page(
 
 def made_words(*more: str) -> str:
     """When a page is made, with what version, and what `more` there is to know of its numbers."""
-    from importlib.metadata import PackageNotFoundError, version
-
-    try:
-        program = f"{PROGRAM} {version(PROGRAM)}"
-    except PackageNotFoundError:
-        program = PROGRAM
     now = datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %Z")
-    return ". ".join((f"Made on {now} by {program}", *filter(None, more))) + "."
+    return ". ".join((f"Made on {now} by {program_words()}", *filter(None, more))) + "."
 
 
 def recompute_section(how: str, command: str = "") -> Section:

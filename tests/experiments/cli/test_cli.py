@@ -7,7 +7,7 @@ import signal
 import subprocess
 import sys
 import time
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import numpy as np
@@ -91,6 +91,15 @@ def test_reproduce_says_of_each_claim_what_matters_and_counts_the_verdicts(
 def test_the_version_is_told_as_the_package_has_it(capsys):
     assert call("--version") == 0
     assert capsys.readouterr().out == f"rig {version('balancing-table-rig')}\n"
+
+
+def test_a_copy_that_nobody_installed_says_so(capsys, monkeypatch):
+    def missing(name: str) -> str:
+        raise PackageNotFoundError(name)
+
+    monkeypatch.setattr("experiments.reports.program.version", missing)
+    assert call("--version") == 0
+    assert capsys.readouterr().out == "rig, not installed and without a version\n"
 
 
 def test_effects_lists_the_whole_catalogue(capsys):
