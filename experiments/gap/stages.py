@@ -79,8 +79,8 @@ def locate_stage(found: Findings, folder: Path, names: Sequence[str]) -> Section
             blocks.append(picture(figure, folder, f"gap-over-state-{side}", caption))
     for i, found_map in enumerate(found.maps):
         caption = (
-            "Mean error over the plate, seen from above: a pattern is a force or a lens; grey where "
-            "the ball never was."
+            "Mean error over the plate, seen from above: a pattern is a force or a lens; grey "
+            "where the ball never was."
         )
         figure = figures.plate_map(found_map)
         blocks.append(picture(figure, folder, f"plate-map-{i + 1}", caption))
