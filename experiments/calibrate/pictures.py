@@ -107,15 +107,15 @@ def servo_figure(
         left, right = rows[a]
         for move in moves(ramped, a):
             n = move.driven
-            left.plot(move.volts[:n], move.theta_rad[:n], lw=0.8, color="#1f4fd8")
+            left.plot(move.volts[:n], np.degrees(move.theta_rad[:n]), lw=0.8, color="#1f4fd8")
         for value in (axis.breakaway_negative_V, axis.breakaway_positive_V):
             left.axvline(value.value, color="#d62728", lw=1)
-        left.set(xlabel="ramp [V]", ylabel=f"angle moved, {name} [rad]")
+        left.set(xlabel="ramp [V]", ylabel=f"angle moved, {name} [degrees]")
         model = (axis.gain_rad_s_V, axis.time_constant_s, axis.offset_V, axis.friction_V)
         for move in moves(pulsed, a):
-            right.plot(move.t_s, move.theta_rad, lw=0.8, color="#1f4fd8")
+            right.plot(move.t_s, np.degrees(move.theta_rad), lw=0.8, color="#1f4fd8")
             told = pulse_angle(move, *(value.value for value in model))
-            right.plot(move.t_s, told, lw=0.8, color="#d62728", ls="--")
+            right.plot(move.t_s, np.degrees(told), lw=0.8, color="#d62728", ls="--")
         right.set(xlabel="time [s]", title="pulses, model dashed", xlim=(0, 0.4))
     return save(figure, path, source)
 

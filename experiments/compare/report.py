@@ -1,5 +1,6 @@
 """The page of a comparison: words, map, intervals, the telling case, the table."""
 
+from math import degrees
 from pathlib import Path
 
 from experiments.compare.case import Case, telling_case
@@ -21,6 +22,7 @@ from experiments.compare.words import (
     plain_cells,
     too_few_words,
 )
+from experiments.reports.figures import SOURCES
 from experiments.reports.report import (
     Picture,
     Pictures,
@@ -55,7 +57,7 @@ def write_report(results: dict, rig: Rig, grid: Grid, out: Path, command: str) -
     return write_page(
         out / "report.html",
         title=results["title"],
-        source="simulated",
+        source=SOURCES["simulated"],
         answer=results["words"][0],
         summary=[*too_few_words(results), *paper_words(results)],
         sections=[
@@ -126,7 +128,7 @@ def _by_play(results: dict) -> Table:
 
 def _table(results: dict) -> Table:
     """A row a cell and condition: means, gain over no compensator, verdicts."""
-    head = ["cell", "condition", "mean [cm]", "servo activity [rad]", "gain [cm] [95 %]"]
+    head = ["cell", "condition", "mean [cm]", "servo activity [deg]", "gain [cm] [95 %]"]
     head += ["p (Holm)", "verdict", "at equal activity"]
     rows = []
     for cell in results["cells"]:
@@ -137,7 +139,7 @@ def _table(results: dict) -> Table:
                 cell["key"].replace(" | ", " · "),
                 condition,
                 number(m[results["measure"]]),
-                number(m["servo_activity"], 4),
+                number(degrees(m["servo_activity"]), 2),
             ]
             gain = p = verdict = at_equal = ""
             if test:
