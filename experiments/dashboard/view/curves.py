@@ -66,11 +66,11 @@ CHARTS = (
     Chart("volts applied [V]", (
         ("voltage_x_V", "x", X, 1.0, False), ("voltage_y_V", "y", Y, 1.0, False),
     )),
-    Chart("torque in the shaft, estimated [mN m]", (
+    Chart("torque in the shaft, estimated [mN\u00a0m]", (
         ("estimated_torque_x_Nm", "x", X, 1e3, False),
         ("estimated_torque_y_Nm", "y", Y, 1e3, False),
     )),
-    Chart("play found so far [deg]", (
+    Chart("play found [deg]", (
         ("estimated_gear_play_x_rad", "gear x", X, _DEG, False),
         ("estimated_gear_play_y_rad", "gear y", Y, _DEG, False),
         ("estimated_joint_play_x_rad", "joint x", X, _DEG, True),

@@ -27,14 +27,15 @@ def grid_lines(side_m: float, step_m: float) -> np.ndarray:
 
 
 def grid_numbers(side_m: float) -> list[tuple[str, tuple[float, float, float]]]:
-    """Numbers [cm] and their places [m]: x along the near edge, y along the right one."""
+    """Numbers [cm] and their places [m]: x along the near edge, y along the left one,
+    away from the play gauges' labels."""
     half = side_m / 2
     count = int(half / COARSE_M)
     found = []
     for k in range(-count, count + 1):
         at, text = k * COARSE_M, f"{100 * k * COARSE_M:.0f}"
         found.append((text, (at, -half - BESIDE_M, 0.0)))
-        found.append((text, (half + BESIDE_M, at, 0.0)))
+        found.append((text, (-half - BESIDE_M, at, 0.0)))
     return found
 
 

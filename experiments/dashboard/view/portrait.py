@@ -147,7 +147,11 @@ def phase_curves(rows: np.ndarray, servo: Servo) -> tuple[str, str, list[Curve],
     """Name and unit of what drives the servos; the ball's speed over its position, and the servos'
     angle over what drives them, of log rows (n, len(COLUMNS)), n > 1.
     """
-    driven, unit, factor = ("estimated_torque_{}_Nm", "torque in the shaft, estimated [mN m]", 1e3)
+    driven, unit, factor = (
+        "estimated_torque_{}_Nm",
+        "torque in the shaft, estimated [mN\u00a0m]",
+        1e3,
+    )
     name = "torque"
     angle = "theta_{}_rad"
     if servo.takes_angle:

@@ -20,7 +20,7 @@ from tests.support.parts import PARTS
 
 pytestmark = pytest.mark.realtime
 
-SIZES = ((1280, 800), (1920, 1080))
+SIZES = ((1280, 800), (1920, 1080), (1024, 768))
 
 
 @pytest.mark.slow

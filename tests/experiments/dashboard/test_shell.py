@@ -6,6 +6,7 @@ import pytest
 
 from experiments.dashboard.server.server import shell_of
 from experiments.dashboard.tabs.tour import IS_READ
+from tests.support.in_browser.page import CUT_OFF
 from tests.support.shell_alone import CONTRAST, opened
 from tests.support.waiting import wait_for
 
@@ -39,6 +40,20 @@ def test_stop_is_there_before_the_page_is_and_says_at_once_that_it_heard(chromiu
         assert box["y"] >= 0
         assert box["height"] >= 44  # a thumb's
     assert len(set(places)) == 1  # it never moves
+    page.context.close()
+
+
+@pytest.mark.slow
+def test_the_words_of_a_button_are_whole_however_narrow_its_panel_is(chromium, program):
+    words = "servo: breakaway volts, gain, time constant, limits and dead bands of both axes"
+    program.server.gui.add_button(words, order=-1)
+    page = opened(chromium, program, viewport={"width": 1024, "height": 768})
+    page.get_by_role("button", name="breakaway").wait_for(timeout=120e3)
+    assert page.evaluate(CUT_OFF) == []
+    short, long = (
+        page.get_by_role("button", name=name).bounding_box() for name in ("Start", "breakaway")
+    )
+    assert short["height"] < 30 < long["height"]
     page.context.close()
 
 

@@ -15,7 +15,8 @@ STILL_S = 10.0  # so long what is drawn may take to hold still
 # that lie over one another; what merely contains the other does not count.
 CUT_OFF = """() => {
   const wrong = [], seen = [];
-  for (const one of document.querySelectorAll("button, [role=tab], label, input, p, td, h4")) {
+  const looked = "button, .mantine-Button-label, [role=tab], label, input, p, td, h4";
+  for (const one of document.querySelectorAll(looked)) {
     const box = one.getBoundingClientRect(), style = getComputedStyle(one);
     if (box.width < 2 || box.height < 2 || style.visibility == "hidden" || style.opacity == 0)
       continue;

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from experiments.dashboard.server.controls import Controls
+from experiments.dashboard.view.backlash_gauges import PLACES
 from experiments.dashboard.view.grid import COARSE_M, FINE_M, grid_lines, grid_numbers
 from experiments.dashboard.view.view_points import (
     FIELD_OF_VIEW_RAD,
@@ -35,9 +36,16 @@ def test_every_line_is_a_whole_multiple_of_the_step_from_edge_to_edge(step_m):
 def test_numbers_stand_beside_the_plate_where_their_lines_end():
     numbers = grid_numbers(SIDE_M)
     near = {text: place[0] for text, place in numbers if place[1] < -SIDE_M / 2}
-    right = {text: place[1] for text, place in numbers if place[0] > SIDE_M / 2}
-    assert near == right == {text: pytest.approx(float(text) / 100) for text in near}
+    left = {text: place[1] for text, place in numbers if place[0] < -SIDE_M / 2}
+    assert near == left == {text: pytest.approx(float(text) / 100) for text in near}
     assert list(near) == ["-10", "-5", "0", "5", "10"]
+
+
+def test_no_gauge_stands_between_the_camera_and_a_number():
+    """Labels are as large on a phone, where the table is small: whole sides of it apart."""
+    for gauge in PLACES.values():
+        for _, place in grid_numbers(SIDE_M):
+            assert np.linalg.norm(np.subtract(gauge, place)) > SIDE_M / 2
 
 
 def test_a_page_moves_its_own_view_alone_and_may_without_the_controls():
