@@ -1,4 +1,4 @@
-"""What a calibration found, as a table for a person: quantity, x, y, in units that people read."""
+"""What a calibration found, as a table for a person: a line an axis, in units that people read."""
 
 from math import degrees, inf
 from typing import Literal
@@ -8,7 +8,7 @@ from calibration.gap.findings import Interval
 from calibration.gap.report.units import interval_words, sig
 from calibration.records import Value
 
-HEAD = ("quantity", "x", "y")
+HEAD = ("quantity", "found")
 AXES: tuple[Literal["x", "y"], ...] = ("x", "y")
 _DEG, _MS = (degrees(1), "deg"), (1e3, "ms")
 _WHERE = {"whole": "gear and joint"}
@@ -44,11 +44,16 @@ def value_words(one: Value | None, factor: float) -> str:
 
 
 def found_table(draft: Draft) -> list[list[str]]:
-    """Rows under HEAD of all that a calibration holds; what has no axis stands under x."""
+    """Rows under HEAD of all that a calibration holds: two columns fit beside the 3-D view."""
     rows: list[list[str]] = []
 
-    def add(name: str, unit: str, *cells: str) -> None:
-        rows.append([f"{name} [{unit}]", *cells, *[""] * (2 - len(cells))])
+    def add(name: str, unit: str, *found: str) -> None:
+        """found: of both axes, or of what has none."""
+        names = [name] if len(found) == 1 else [f"{name}, {axis}" for axis in AXES]
+        rows.extend(
+            [one, words if words == "-" else f"{words} {unit}"]
+            for one, words in zip(names, found, strict=True)
+        )
 
     if draft.lens is not None:
         add("lens: error in the picture", "px", f"{draft.lens.rms_px:.3f}")

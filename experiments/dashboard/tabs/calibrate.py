@@ -335,7 +335,7 @@ class CalibrateTab:
         except (OSError, ValueError) as error:
             self._found.content = words + plain(error)
             return
-        lines = [HEAD, ("---",) * len(HEAD), *([plain(cell) for cell in row] for row in rows)]
+        lines = [HEAD, ("---",) * len(HEAD), *(map(measured, row) for row in rows)]
         self._found.content = words + "\n".join("| " + " | ".join(row) + " |" for row in lines)
 
     def stop(self, why: str) -> None:

@@ -26,7 +26,7 @@ def test_a_value_has_the_decimals_that_its_interval_deserves(value, words):
     assert value_words(value, 1.0) == words
 
 
-def test_every_quantity_is_a_row_with_its_unit_and_both_axes():
+def test_every_quantity_of_an_axis_is_a_row_with_its_unit():
     both = {"x": Value.around(radians(0.5), radians(0.1)), "y": Value.around(0.0, radians(0.2))}
     gain = {"x": Value.around(0.7, 0.1), "y": Value.around(0.8, 0.1)}
     draft = Draft(
@@ -36,9 +36,12 @@ def test_every_quantity_is_a_row_with_its_unit_and_both_axes():
         play=BacklashRecord(plays={"whole": {"x": BacklashAxis(width_rad=both["x"])}}),
     )
     assert found_table(draft) == [
-        ["plate's slope at zero [deg]", "0.50 [0.40, 0.60]", "0.0 [-0.2, 0.2]"],
-        ["ball's acceleration [m/s² per rad]", "0.70 [0.60, 0.80]", "0.80 [0.70, 0.90]"],
-        ["play: gear and joint [deg]", "0.50 [0.40, 0.60]", "-"],
+        ["plate's slope at zero, x", "0.50 [0.40, 0.60] deg"],
+        ["plate's slope at zero, y", "0.0 [-0.2, 0.2] deg"],
+        ["ball's acceleration, x", "0.70 [0.60, 0.80] m/s² per rad"],
+        ["ball's acceleration, y", "0.80 [0.70, 0.90] m/s² per rad"],
+        ["play: gear and joint, x", "0.50 [0.40, 0.60] deg"],
+        ["play: gear and joint, y", "-"],
     ]
     assert all(len(row) == len(HEAD) for row in found_table(draft))
     assert found_table(Draft(made=datetime.now(UTC), source="measured")) == []

@@ -14,7 +14,7 @@ from calibration.bundle import Draft
 from calibration.records import BacklashAxis, BacklashRecord, TimingRecord, Value
 from experiments.dashboard.server.controls import ControlLock, Controls
 from experiments.dashboard.server.server import open_server
-from experiments.dashboard.server.untrusted_text import plain
+from experiments.dashboard.server.untrusted_text import measured
 from experiments.dashboard.session.worker_process import WorkItem
 from experiments.dashboard.tabs.calibrate import CalibrateTab
 from rig.parameters import Rig
@@ -197,7 +197,7 @@ def test_verdicts_are_shown_again_after_a_restart(tab, tmp_path):
         words = (server, controls, worker, one._session, tmp_path, lambda page, path: None)
         again = CalibrateTab(*words, real=one._real)
         assert again._state["time"] == "accepted"
-        assert plain("12.1 [11.8, 12.4]") in again._found.content
+        assert measured("12.1 [11.8, 12.4] ms") in again._found.content
         controls.queue.close()
     finally:
         server.stop()
