@@ -53,7 +53,7 @@ def write_study(study: Study, results: dict, rig: Rig, out: Path) -> dict:
         alternatives_section(results),
         _grid_section(results, shown),
         about_centroids,
-        _play_section(study, rig, shown),
+        _play_section(rig, shown),
         _runs_section(study, numbers),
         recompute_section(
             "Every run of the figures and every paired repetition lies in runs/ as a run folder "
@@ -260,17 +260,23 @@ def _grid_section(results: dict, shown: dict[str, Path]) -> Section:
     )
 
 
-def _play_section(study: Study, rig: Rig, shown: dict[str, Path]) -> Section:
-    text = (
+def play_words(rig: Rig) -> str:
+    """What the figure of the estimated plays shows, and what is taken off them."""
+    explained = 2 * rig.drive.joint_friction_nm / rig.drive.joint_stiffness_nm_rad
+    return (
         "The estimators start every run at zero play and see readings and applied volts alone; the "
-        "dotted line is the table's true play, opened here for scoring. The shafts' wind-up "
-        "against friction that the rig file's (assumed) values explain is taken off (0.08 deg "
-        "here): on a table with softer shafts it would count as play. An asymmetric play shows its "
-        "width; its middle is a twin of the level error."
+        "dotted line is the table's true play, opened here for scoring. What the shafts twist "
+        "under friction, as far as the rig file's (assumed) values explain it, is taken off "
+        f"({degrees(explained):.2g} deg in the joints): of shafts that are softer than that, the "
+        "rest counts as play. An asymmetric play shows its width; its middle cannot be told from "
+        "an error of the level."
     )
-    caption = "Estimated play in the run of Fig. 13, two sigma bands."
+
+
+def _play_section(rig: Rig, shown: dict[str, Path]) -> Section:
+    caption = "Estimated play in the run of Fig. 13; bands: 2 standard deviations to each side."
     estimates = Pictures([Picture(shown["play_estimates"], caption)])
-    return Section("What the observers learnt about the play", [text, estimates])
+    return Section("What the observers learnt about the play", [play_words(rig), estimates])
 
 
 def _runs_section(study: Study, numbers: dict) -> Section:

@@ -119,7 +119,7 @@ class Header:
         if page is None:
             return
         self._controls.lock = self._controls.lock.taken(page)
-        self._session.note(f"page {page} took over the controls")
+        self._session.note("another page took over the controls")
         self.draw_locks()
 
     def show_film(self, page: int, on: bool) -> None:

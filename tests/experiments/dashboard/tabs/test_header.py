@@ -83,5 +83,5 @@ def test_a_page_that_watches_takes_over_and_the_other_is_told(way: str):
     controls.queue.put("then", done.set)
     assert done.wait(5.0)
     assert controls.lock.holder == 2
-    assert noted == ["page 2 took over the controls"]
+    assert noted == ["another page took over the controls"]
     controls.queue.close()
