@@ -250,6 +250,26 @@ def to_record(rig: Rig) -> dict[str, Any]:
     return record
 
 
+def changes(before: Rig, after: Rig) -> list[str]:
+    """What differs in the second rig, a line a key: `servo.gain_rad_s_V = 1.72 (was 1.735)`."""
+
+    def flat(data: Any, name: str = "") -> dict[str, Any]:
+        if not isinstance(data, dict):
+            return {name: data}
+        parts = [flat(value, f"{name}.{key}".strip(".")) for key, value in data.items()]
+        return {key: value for part in parts for key, value in part.items()}
+
+    def words(value: Any) -> str:
+        return f"{value:.6g}" if isinstance(value, float) else f"{value}"
+
+    old, new = flat(to_record(before)), flat(to_record(after))
+    return [
+        f"{key} = {words(value)} ({f'was {words(old[key])}' if key in old else 'new'})"
+        for key, value in new.items()
+        if key not in old or old[key] != value
+    ] + [f"{key}: taken out (was {words(old[key])})" for key in old if key not in new]
+
+
 MADE = "# Made by balancing-table-rig, which may write it anew.\n"
 
 

@@ -26,7 +26,7 @@ from experiments.runs.assemble import known, load_rig
 from experiments.runs.hardware import is_hardware
 from rig.files import freed
 from rig.parameters import Rig, Servo, torque_per_volt
-from rig.rigfile import read_rig, refuse_own, write_rig
+from rig.rigfile import changes, read_rig, refuse_own, write_rig
 
 FILE, RIG_FILE, LOCK_FILE = "calibration.json", "rig.toml", ".lock"
 VIEW = ("lens", "plate")  # fields of a draft through which all else is seen
@@ -126,12 +126,16 @@ class CalibrationFolder:
         return read_rig(own) if own.is_file() else known(load_rig(rig_file))
 
     def believe(self, rig_file: Path | None, change: Callable[[Rig], Rig]) -> None:
-        """Write the rig that was `believed`, with a change, as rig.toml of the folder. OSError: it
-        cannot be written.
+        """Write the rig that was `believed`, with a change, as rig.toml of the folder, and say what
+        is another in it. OSError: it cannot be written.
         """
         with _alone(self.path):
-            write_rig(change(self._rig(rig_file)), self.path / RIG_FILE)
+            before = self._rig(rig_file)
+            after = change(before)
+            write_rig(after, self.path / RIG_FILE)
         typer.echo(f"your rig file with what was measured: {self.path / RIG_FILE}")
+        for line in changes(before, after):
+            typer.echo(f"changed: {line}")
 
 
 @contextmanager

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from experiments.runs.assemble import load_rig
 from rig.effects import effects_of
 from rig.parameters import Rig
-from rig.rigfile import from_dict, read_rig, refuse_own, to_dict, write_rig
+from rig.rigfile import changes, from_dict, read_rig, refuse_own, to_dict, write_rig
 from tests.support.srv02 import nominal_servo
 
 
@@ -260,6 +260,23 @@ def test_a_rig_file_of_ones_own_is_told_from_one_that_was_made(tmp_path: Path):
     own.write_text('# measured by hand in March\n[servo]\nkind = "voltage"\n')
     with pytest.raises(ValueError, match=r"rig\.toml: a rig file of yours"):
         refuse_own(own)
+
+
+def test_what_differs_is_told_a_line_a_key():
+    before = Rig(effects={"dead_zone": {"x": {"half_width_V": 0.1}}})
+    after = replace(
+        before,
+        servo=replace(before.servo, gain_rad_s_V=1.71951234),
+        effects={"joint_backlash": {"x": {"play_rad": 0.04}}},
+        table=replace(before.table, camera="http://me:secret@camera", calibration="c.json"),
+    )
+    lines = changes(before, after)
+    assert "servo.gain_rad_s_V = 1.71951 (was 1.53)" in lines
+    assert "effects.joint_backlash.x.play_rad = 0.04 (new)" in lines
+    assert "effects.dead_zone.x.half_width_V: taken out (was 0.1)" in lines
+    assert len(lines) == 5
+    assert "secret" not in " ".join(lines)
+    assert changes(after, after) == []
 
 
 def test_a_file_of_an_editor_that_marks_its_bytes_is_read(tmp_path: Path):

@@ -47,6 +47,7 @@ STEPS = {
 }
 OF_POSITION_SERVO = "lag, dead time, limits, dead band"
 UNCLEAR = ", its middle cannot be told from a level error or a rest position"  # said in the report
+FILES = "written", "note: goes on", "your rig file", "changed: "  # the page has words of its own
 MARKS = {"": "", "on": "▶ ", "accepted": "✓ ", "refused": "✗ "}
 COLOURS = {"": None, "on": "orange", "accepted": "teal", "refused": "red"}
 VIRTUAL = "Measure the virtual table: press **All steps**, or one after another."
@@ -282,7 +283,7 @@ class CalibrateTab:
         return f"\n\n**What was found {plain(said)}.**\n\n{head}\n{table}"
 
     def _on_message(self, step: str, kind: str, what: Any) -> None:
-        if kind == "line" and not what.startswith(("written", "believed")):
+        if kind == "line" and not what.startswith(FILES):
             counted = what.startswith("picture ") and self._lines
             if counted and self._lines[-1].startswith("picture "):
                 self._lines.pop()

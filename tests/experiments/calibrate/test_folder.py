@@ -31,6 +31,11 @@ def later(rig: Rig) -> Rig:
     return replace(rig, camera=replace(rig.camera, delay_s=0.02))
 
 
+def test_what_is_another_in_the_rig_file_is_said(tmp_path: Path, capsys):
+    CalibrationFolder(tmp_path, "simulated", Rig()).believe(None, quicker)
+    assert capsys.readouterr().out.endswith("\nchanged: servo.gain_rad_s_V = 2 (was 1.735)\n")
+
+
 def test_what_two_programs_measure_at_once_is_kept_of_both(tmp_path: Path):
     one, other = (CalibrationFolder(tmp_path, "simulated", Rig()) for _ in range(2))
     one.keep("timing", timing=TIMING)

@@ -185,6 +185,8 @@ def test_verdicts_are_shown_again_after_a_restart(tab, tmp_path):
     one, _, worker = tab
     one.begin(("time",))
     worker.items[0].on_message("line", "delay 12.1 ms (limit 1 ms)")
+    worker.items[0].on_message("line", "your rig file with what was measured: out/rig.toml")
+    worker.items[0].on_message("line", "changed: camera.delay_s = 0.0121 (was 0.01)")
     worker.items[0].on_message("done", [])
     wait_for("the verdict", lambda: one._state["time"] == "accepted")
     delay = Value.around(0.0121, 0.0003)
@@ -197,6 +199,7 @@ def test_verdicts_are_shown_again_after_a_restart(tab, tmp_path):
         words = (server, controls, worker, one._session, tmp_path, lambda page, path: None)
         again = CalibrateTab(*words, real=one._real)
         assert again._state["time"] == "accepted"
+        assert again._kept["time"] == ["delay 12.1 ms (limit 1 ms)"]
         assert measured("12.1 [11.8, 12.4] ms") in again._found.content
         controls.queue.close()
     finally:
