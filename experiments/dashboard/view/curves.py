@@ -1,6 +1,6 @@
 """Curves of the live table or of a film: five small charts over 20 s."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from math import degrees
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 X, Y = "#7048e8", "#cf4708"
 X_HERE, Y_HERE = f"var(--rig-x, {X})", f"var(--rig-y, {Y})"  # beside a chart, on light and dark
+HERE = {X: X_HERE, Y: Y_HERE}
 # Lines of a film in the greys of no curve, seen on light and dark.
 CURSOR = {"stroke": "#868e96", "width": 2.5}
 EVENT = {"stroke": "#adb5bd", "width": 1.2, "dash": (3, 3)}
@@ -130,24 +131,33 @@ def with_lines(
     return (times, *(curve[before] for curve in data[1:]), *lines)
 
 
-def values_at(charts: Sequence[Chart], runs: Sequence[tuple[str, np.ndarray]], at_s: float) -> str:
-    """What the full curves of runs are at at_s [s], as a table (HTML), side by side; runs: which
-    run, where there are more, and its log rows (n, len(COLUMNS)).
+def values_at(charts: Sequence[Chart], runs: Mapping[str, np.ndarray], at_s: float) -> str:
+    """What the full curves of runs are at at_s [s], as a table (HTML): of one run x beside y, of
+    more a line an axis, one run beside the other; runs: by controller, their log rows (n,
+    len(COLUMNS)).
     """
-    axes = "".join(f'<td style="{NUMBER}">{axis}</td>' for axis in "xy")
-    names = "".join(f'<td colspan="2" style="{NUMBER}">{escape(of)}</td>' for of, _ in runs)
-    lines = [f"<tr><th></th>{names}</tr>"] if len(runs) > 1 else []
-    lines += [f"<tr><th></th>{axes * len(runs)}</tr>"]
+    past = [rows[rows[:, 0] <= at_s] for rows in runs.values()]
+
+    def cell(text: str, colour: str = "inherit") -> str:
+        return f'<td style="color: {colour}; {NUMBER}">{text}</td>'
+
+    def line(name: str, cells: Iterable[str]) -> str:
+        return f"<tr><td>{name}</td>{''.join(cells)}</tr>"
+
+    many = len(runs) > 1
+    lines = [line("", map(cell, map(escape, runs) if many else "xy"))]
     for chart in charts:
-        line = f"<td>{chart.title}</td>"
-        for _, rows in runs:
-            past = rows[rows[:, 0] <= at_s]
-            for name, _, colour, factor, dashed in chart.curves:
-                if not dashed:
-                    last = factor * held(past[:, INDEX[name]], np.nan)[-1:]
-                    said = f"{last[0]:+.2f}" if np.isfinite(last).all() and len(last) else ""
-                    line += f'<td style="color: {colour}; {NUMBER}">{said}</td>'
-        lines.append(f"<tr>{line}</tr>")
+        found = {}
+        for name, axis, colour, factor, dashed in chart.curves:
+            if not dashed:
+                last = [factor * held(rows[:, INDEX[name]], np.nan)[-1:] for rows in past]
+                said = [f"{v[0]:+.2f}" if np.isfinite(v).all() and len(v) else "" for v in last]
+                found[axis[-1]] = [cell(text, HERE[colour]) for text in said]
+        if many:
+            named = chart.title.replace(" [", " {} [")
+            lines += [line(named.format(axis), cells) for axis, cells in found.items()]
+        else:
+            lines.append(line(chart.title, (text for cells in found.values() for text in cells)))
     table = f'<table style="line-height: 1.25">{"".join(lines)}</table>'
     return f'<div style="{TEXT}"><b>At {at_s:.2f} s</b>{table}</div>'
 
@@ -168,7 +178,7 @@ class Curves:
         height: int = 70,
     ) -> None:
         self._charts = charts_of(servo)
-        self._replays, self._of = bool(replayed), replayed
+        self._replays = bool(replayed)
         self._what = REPLAYED.format(escape(replayed)) if replayed else LIVE
         self._legend: Any = server.gui.add_html(legend(self._what))
         self._values: Any = server.gui.add_html("", visible=self._replays)
@@ -232,10 +242,10 @@ class Curves:
         rows: np.ndarray,
         at_s: float = 0.0,
         events_s: Sequence[float] = (),
-        beside: tuple[str, np.ndarray] | None = None,
+        runs: Mapping[str, np.ndarray] | None = None,
     ) -> None:
-        """Show rows (n, len(COLUMNS)) of the log; of a replay the values at at_s [s], those of the
-        run `beside` (which, and its rows), too, and lines there and at the events.
+        """Show rows (n, len(COLUMNS)) of the log; of a replay the values of its `runs` at at_s [s]
+        (by controller, their rows), and lines there and at the events.
         """
         self.rest("")
         self._show([has_data(chart, rows) for chart in self._charts[:-1]] + [True])
@@ -244,5 +254,4 @@ class Curves:
                 data = chart_data(chart, rows)
                 plot.data = with_lines(data, at_s, events_s) if self._replays else data
         if self._replays:
-            runs = [(self._of, rows), *([beside] if beside else [])]
-            self._values.content = values_at(self._charts, runs, at_s)
+            self._values.content = values_at(self._charts, runs or {"": rows}, at_s)

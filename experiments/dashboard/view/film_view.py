@@ -118,10 +118,11 @@ class FilmView:
             self._curves.rest(FILM)
         else:
             shadow = playback.past_beside()
-            other = None
+            runs, other = {film.method: rows}, None
             if shadow is not None and len(shadow) > 2:
                 other = film.beside_of, newest(shadow)
-            self._curves.draw(rows, t_s, [at_s for at_s, _ in film.events], other)
+                runs[film.beside_method] = other[1]
+            self._curves.draw(rows, t_s, [at_s for at_s, _ in film.events], runs)
             self._portrait.draw(past, film.of, other)
         video = playback.video
         if video is None:

@@ -16,6 +16,7 @@ from experiments.dashboard.session.plan import RunPlan, SessionStatus, planned_r
 from experiments.dashboard.session.playback import PlaybackClock
 from experiments.dashboard.view.curves import (
     CHARTS,
+    X,
     chart_data,
     has_data,
     values_at,
@@ -163,14 +164,23 @@ def test_a_films_values_are_those_of_its_time_and_blank_where_nothing_is_known()
     rows[:, 0] = np.arange(200) / 10
     rows[::10, INDEX["ball_x_m"]] = rows[::10, 0] / 100
     rows[:, INDEX["theta_y_rad"]] = radians(2.0)
-    said = values_at(CHARTS, [("a run", rows)], 5.05)
+    said = values_at(CHARTS, {"with": rows}, 5.05)
     assert "At 5.05 s" in said
     assert "+5.00" in said  # cm, as it was seen last
     assert "+2.00" in said
     assert "dashed" not in said  # numbers have no lines
-    assert said.count("></td>") == 8  # five charts of two values, two of which are known
-    both = values_at(CHARTS, [("a run", rows), ("another", rows - 0.01)], 5.05)
-    assert both.index("a run") < both.index("another") < both.index("+5.00") < both.index("+4.00")
+    assert said.count("></td>") == 1 + 8  # five charts of two values, two of which are known
+    both = values_at(CHARTS, {"with": rows, "without": rows - 0.01}, 5.05)
+    assert (
+        both.index(">with<") < both.index(">without<") < both.index("+5.00") < both.index("+4.00")
+    )
+    lines = both.split("<tr>")[1:]
+    assert [one.count("<td") for one in lines] == [3] * 11  # narrow: a line an axis
+    assert "ball x [cm]" in lines[1]
+    assert "ball y [cm]" in lines[2]
+    for words in (said, both):
+        assert "var(--rig-x, " in words  # read on light and on dark
+        assert f"color: {X}" not in words
     assert [has_data(chart, rows) for chart in CHARTS] == [True, True, False, False, False]
 
 
