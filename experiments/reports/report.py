@@ -18,6 +18,8 @@ from experiments.reports.program import PROGRAM, program_words
 from experiments.reports.units import unbroken
 from rig.files import upright, write_ours
 
+LARGE_PX = 900  # of figures at 150 pixels an inch; chosen: 9 points are 7 pixels of a phone's 360
+
 
 @dataclass(frozen=True)
 class Picture:
@@ -33,6 +35,12 @@ class Picture:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "png", base64.b64encode(self.path.read_bytes()).decode())
+
+    @property
+    def large(self) -> bool:
+        """Whether a phone's width would leave its letters too small."""
+        header = base64.b64decode(self.png[:32])  # of a PNG, whose width stands in bytes 16 to 19
+        return int.from_bytes(header[16:20], "big") > LARGE_PX
 
 
 @dataclass(frozen=True)

@@ -38,8 +38,8 @@ LEGEND_REAL = """
 observer has found while it moves.
 """
 LEGEND_CURVES = """
-**Curves**: estimated shaft torque is what the controller's observer takes the twisted shafts to
-pass on; estimated play is what that observer has found, gear full, joint dashed.
+**Curves**: the torque in the shaft is what the controller's observer takes the twisted shafts to
+pass on; the play found is what that observer has found so far, gear full, joint dashed.
 """
 LEGEND_FILMS = """
 **Two small plates behind** (tab Gap, before and after): the model without and with the named

@@ -82,6 +82,30 @@ def test_nothing_is_cut_off_on_a_phone_or_on_paper(chromium, page_file):
     assert paper.get_by_text("+0.1 vs retuned 4.5, 5: ha").last.is_visible()  # folded on the screen
 
 
+def test_the_letters_of_a_large_figure_are_read_on_a_phone(chromium, tmp_path):
+    import cv2
+
+    figures = []
+    for width_px in (720, 1290):  # half a page's and a whole one's, at 150 pixels an inch
+        file = tmp_path / f"{width_px}.png"
+        cv2.imwrite(str(file), np.full((400, width_px, 3), 255, np.uint8))
+        figures.append(Pictures([Picture(file, f"{width_px}")]))
+    report = tmp_path / "report.html"
+    write_page(
+        report, title="f", source="virtual rig", summary=[], sections=[Section("F", figures)]
+    )
+    phone = opened(chromium, report, 390)
+    assert phone.evaluate("document.documentElement.scrollWidth") <= 390
+    small, large = (phone.locator("img").nth(i).bounding_box()["width"] for i in range(2))
+    assert small <= 360
+    assert 9 / 72 * large / (1290 / 150) > 9  # pixels of letters of 9 points
+    box = phone.locator(".large .scroll")
+    assert box.evaluate("one => one.scrollWidth > one.clientWidth")
+    paper = opened(chromium, report, PRINTED_PX)
+    paper.emulate_media(media="print")
+    assert paper.evaluate(CUT) == 0
+
+
 def fades(page, box, left_px: int, right_px: int) -> None:
     """Asserts how far the left and the right edge of a box come to fade out, once it is drawn."""
     page.wait_for_timeout(200)
