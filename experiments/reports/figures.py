@@ -321,13 +321,15 @@ def play_map(cells: Sequence[dict], measure: str, title: str, unit: str) -> Figu
     digits = max(0, ceil(-log10(matters / 10)))  # down to a tenth of what decides the verdict
     largest = factor * max(abs(cell[measure]["effect"]) for cell in cells)
     top = max(largest, 2 * matters)
-    figure, axis = subplots(figsize=(max(1.55 * len(gears), 2.6) + 1.8, 0.85 * len(joints) + 1.3))
+    # 4 by 4 cells fit a sheet as they are (style.css): 9 points stay 9 points.
+    size_in = max(1.35 * len(gears), 2.6) + 1.8, 0.55 * len(joints) + 1.13
+    figure, axis = subplots(figsize=size_in)
     for cell in cells:
         i, j = joints.index(cell["joint_deg"]), gears.index(cell["gear_deg"])
         result = cell[measure]
         value[i, j] = factor * result["effect"]
         word = verdict_word(result)
-        numbers = (f"{factor * result[key]:+.{digits}f}" for key in ("effect", "low", "high"))
+        numbers = (f"{factor * result[key]:+z.{digits}f}" for key in ("effect", "low", "high"))
         text = "{}\n[{}, {}]\n".format(*numbers) + word
         dark = abs(value[i, j]) > 0.6 * top
         axis.text(j, i, text, ha="center", va="center", fontsize=9, color="w" if dark else "k")
@@ -337,7 +339,7 @@ def play_map(cells: Sequence[dict], measure: str, title: str, unit: str) -> Figu
     axis.grid(False)
     axis.set(xlabel="gear play [deg at the servo]", ylabel="joint play [deg at the servo]")
     axis.set_title(title, fontsize=9)
-    figure.colorbar(image, ax=axis, label=f"without - with [{shown}]; above 0: better with")
+    figure.colorbar(image, ax=axis, label=f"without - with [{shown}]\nabove 0: better with")
     return figure
 
 

@@ -95,13 +95,29 @@ def test_letters_are_read_at_half_a_sheets_width():
         assert min(sizes) * shrunk > 5.9  # points
 
 
+def test_the_maps_letters_have_9_points_on_a_sheet():
+    sizes = {"effect": 0.4, "low": 0.35, "high": 0.45, "relevant": 0.0015}
+    cells = [{"gear_deg": g, "joint_deg": j, "error": sizes} for g in range(4) for j in range(4)]
+    figure = play_map(cells, "error", "distance", "cm")
+    width_in, height_in = figure.get_size_inches()
+    shrunk = min(1.0, 186 / 25.4 / width_in, 85 / 25.4 / height_in)  # a sheet's, of style.css
+    letters = [one for one in figure.findobj(Text) if one.get_text() and one.get_visible()]
+    assert min(one.get_fontsize() for one in letters) * shrunk >= 9.0
+    figure.canvas.draw()
+    cell = figure.axes[0].get_window_extent()
+    for one in figure.axes[0].texts:
+        box = one.get_window_extent()
+        assert box.width < cell.width / 4
+        assert box.height < cell.height / 4
+
+
 def test_a_map_of_angles_is_in_degrees_with_as_many_digits_as_the_verdict_needs():
     found = {"effect": 0.031, "low": 0.0302, "high": 0.0308, "relevant": 0.0015}  # rad
-    none = {"effect": 6.6e-5, "low": 1e-5, "high": 1.7e-4, "relevant": 0.0015}
+    none = {"effect": 6.6e-5, "low": -1e-6, "high": 1.7e-4, "relevant": 0.0015}
     cells = [
         {"gear_deg": g, "joint_deg": 0.0, "activity": one} for g, one in ((0.0, none), (1.0, found))
     ]
     words = words_of(play_map(cells, "activity", "servo activity", "rad"))
     assert "+1.776\n[+1.730, +1.765]\nhelps" in words
-    assert "+0.004\n[+0.001, +0.010]\nneutral" in words
-    assert "without - with [deg]; above 0: better with" in words
+    assert "+0.004\n[+0.000, +0.010]\nneutral" in words
+    assert "without - with [deg]\nabove 0: better with" in words
