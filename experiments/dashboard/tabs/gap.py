@@ -173,6 +173,7 @@ class GapTab:
         controls.button(self._cancel_button, "cancel", lambda page: self._cancel())
         self._bar: Any = gui.add_progress_bar(0.0)
         self._words: Any = gui.add_markdown("")
+        self._guess = Guess(server, controls)  # seen without scrolling, as it ends with the work
         self._stages: Any = gui.add_markdown(stage_lines(-1, False))
         self._film: Any = gui.add_button("Before and after, side by side", visible=False)
         controls.button(self._film, "film", self._start_film, everybody=True)
@@ -180,7 +181,6 @@ class GapTab:
         controls.button(self._report, "gap report", self._download, everybody=True)
         self._clear: Any = gui.add_button("Take the map off the plate", color="gray", visible=False)
         controls.button(self._clear, "map", lambda page: self._lay(None))
-        self._guess = Guess(server, controls)
         self._gallery = Gallery(server, "Pictures")
         self._gui, self._demo = gui, False
         self._advised: list[str] | None = None

@@ -44,7 +44,7 @@ def test_more_play_swings_more_in_the_examples(tmp_path):
     hidden = draw_plays(5)
     first, *examples = clues(demo_runs(tmp_path, seed=5, plays_rad=hidden), seed=5)
     assert first.startswith("The ball swings by ")
-    swings = [float(line.split(": ")[1].split(" and ")[0]) for line in examples]
+    swings = [float(line.split("by ")[1].split(" and ")[0]) for line in examples]
     assert swings == sorted(swings)
     told = dict(zip((0.5, 1.0, 2.0, 3.0), swings, strict=True))
     own = float(first.split("by ")[1].split(" cm")[0])

@@ -110,9 +110,10 @@ def test_the_demo_gives_a_clue_and_compares_the_guess_with_the_truth(gap):
     assert not any(one.visible for one in tab._guess._shown)
     tab._on_message("shown", clue(demo_runs(out, seed=3), out, 3))
     assert all(one.visible for one in tab._guess._shown)
+    assert all(one.order < tab._stages.order for one in tab._guess._shown)  # without scrolling
     said = tab._guess._words.content
     assert "Guess before it ends" in said
-    assert said.count("degrees&#58;") == 4  # of known plays
+    assert said.count("degrees it would swing by") == 4  # of known plays
     assert [one.label for one in tab._gallery._images] == ["The demo's ball, let go"]
     for axis, degrees in (("x", "1,5"), ("y", "1.")):
         tab._guess._values[axis].now = degrees
