@@ -119,6 +119,7 @@ class Hand:
         warning = self.page.get_by_role("alert").filter(has_text="Software WebGL")
         if warning.first.is_visible():  # that there is no graphics card
             warning.get_by_role("button").first.click()
+            warning.first.wait_for(state="hidden")  # it fades out
         self.page.screenshot(path=str(self._artefacts / f"{name}.png"))
 
     def view(self):
