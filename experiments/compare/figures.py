@@ -49,7 +49,7 @@ def map_figure(results: Mapping, out: Path) -> Path:
             verdict = cell["arms"][condition]["against_without"]["verdict"]
             sure = verdict in (HELPS, HARMS)
             known = bool(np.isfinite(gain[i, j]))  # else the field is white
-            text = f"{gain[i, j]:+.2f}" if known else "lost"
+            text = f"{gain[i, j]:+z.2f}" if known else "lost"
             weight, style = ("bold", "normal") if sure else ("normal", "italic")
             dark = known and _is_dark(np.array(image.to_rgba(gain[i, j])[:3]))
             colour = "white" if dark else "black"

@@ -96,7 +96,7 @@ def _closer(case: Case, out: Path) -> list[Picture]:
         ),
         Picture(
             convergence_figure(case, out),
-            "The two ends of the play as the adaptive inverses estimate them; dashed: the truth.",
+            "The two ends of the play as the controllers estimate them; dashed: the truth.",
         ),
     ]
 

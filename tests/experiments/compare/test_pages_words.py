@@ -81,6 +81,7 @@ def test_too_few_seeds_for_any_certainty_are_told():
 
 def test_the_map_tells_help_from_harm_without_red_and_green_and_can_be_read(tmp_path, monkeypatch):
     gains, kept = np.linspace(-1.2, 1.2, 25), {}
+    gains[12] = -0.001
     cells = [cell(f"joint 2, one-sided {i}", {"with": HELPS, "neural": OPEN}, gain)
              for i, gain in enumerate(gains)]  # fmt: skip
     cells.append(cell("lost", {"with": OPEN, "neural": OPEN}, float("nan")))
@@ -97,6 +98,7 @@ def test_the_map_tells_help_from_harm_without_red_and_green_and_can_be_read(tmp_
         pair = shown[y, x], np.array(matplotlib.colors.to_rgb(text.get_color()))
         dark, light = sorted(float(np.dot([0.2126, 0.7152, 0.0722], linear(c))) for c in pair)
         assert (light + 0.05) / (dark + 0.05) > 4.5, (text.get_text(), x)
+    assert [text.get_text() for text in axes.texts].count("+0.00") == 2  # and none is -0.00
     lost = [text for text in axes.texts if text.get_text() == "lost"]
     assert [text.get_color() for text in lost] == ["black", "black"]  # on white
     assert min(label.get_window_extent().x0 for label in axes.get_yticklabels()) >= 0.0
