@@ -126,8 +126,8 @@ def in_copy(
 
 
 def _fork() -> int:
-    """`os.fork`, with OpenCV's threads ended before: a copy has none of them, and would wait for them
-    for ever. It does with one, this process has as many as before."""
+    """`os.fork`, with OpenCV's threads ended before: a copy has none of them, and would wait for
+    them for ever. It does with one, this process has as many as before."""
     cv2 = sys.modules.get("cv2")
     if cv2 is None:
         return os.fork()
