@@ -5,10 +5,11 @@ its forces (`calibration.gap.unnamed.forces`). Its gain is what its normal equat
 for pushes, by how much Huber's cost falls where that is more: its weights bound the promise.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.linalg import orth
 from scipy.signal import lfilter
 
 from calibration.gap.decision_rule import MIN_FELT, PENALTY_PER_PARAMETER, SEARCH_PENALTY
@@ -17,18 +18,25 @@ from calibration.gap.model.fit import ParameterFit, bounded_step, normal_equatio
 from calibration.gap.model.parameters import BALL
 from calibration.gap.model.state import State
 from calibration.gap.unnamed.forces import (
+    SWING_DAMPINGS,
+    SWINGS_HZ,
+    Swing,
     as_one,
     pushes,
     slipping_forces,
     swaying_forces,
     swinging_forces,
+    swung,
     turning_forces,
 )
 from calibration.gap.unnamed.peaks import peaks
 from calibration.gap.unnamed.term import UnnamedTerm
 
 WINDOWS_S = (0.3, 0.6, 1.2, 2.5, 5.0, 10.0)
+FOUND_BY_S = 1.0  # of the answer to a push behind its end: a later one is found, too; chosen
 UNIT_BALL = 0.02  # RMS of a force at its trial size [m/s2]
+# Of a plate that swings, axes and whether against the table: sizes of their own.
+SWING_PARTS = (("x", False), ("y", False), ("xy", True))
 # Of the parameters that are free beside a term: secants (n, k), room below and above, steps.
 Nuisance = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
@@ -41,8 +49,7 @@ def along_the_motion(
     yield _along(state, nuisance, "turning", turning_forces(state), answer)
     for forces in slipping_forces(state):
         yield _along(state, nuisance, "slipping", forces[:, :, None], answer, low=0.0)
-    for forces in swinging_forces(state):
-        yield _along(state, nuisance, "swinging", forces, answer, low=0.0, searched=SEARCH_PENALTY)
+    yield _swinging(state, nuisance, answer)
     yield from _swaying(state, nuisance, answer)
     if len(found) > 1:
         yield _pushes(state, nuisance, answer, found)
@@ -59,7 +66,8 @@ def pushed(state: State, answer: np.ndarray) -> list[tuple[int, int]]:
     step_s = float(np.median(np.diff(t)))
     rows = [max(round(length / step_s), 1) for length in WINDOWS_S]
     cost = 2 * PENALTY_PER_PARAMETER + SEARCH_PENALTY
-    answers = [np.convolve(answer, np.ones(m)) for m in rows]
+    behind = round(FOUND_BY_S / step_s)
+    answers = [np.convolve(answer, np.ones(m))[: m + behind] for m in rows]
     found = pushes(z.reshape(-1, 2), w, run, answers, cost)
     return as_one([(i, i + rows[j], size) for i, j, size in found], rows[0], run)
 
@@ -88,6 +96,58 @@ def _swaying(state: State, nuisance: Nuisance, answer: np.ndarray) -> Iterator[U
         yield replace(term, rhythms_hz=(x_hz, y_hz))
 
 
+def _swinging(state: State, nuisance: Nuisance, answer: np.ndarray) -> UnnamedTerm:
+    """A plate that swings behind its servos, on each axis with the frequency and damping that
+    explain most beside the free parameters, whatever their room."""
+    z = state.fit.z(BALL)
+    root = np.sqrt(weights(z, state.evidence.masks[BALL]))
+    held = orth(root[:, None] * nuisance[0] * nuisance[3])
+    left = root * z
+    left -= held @ (held.T @ left)
+    best, swings = np.zeros(2), [(SWINGS_HZ[-1], SWING_DAMPINGS[-1])] * 2
+    forces = np.zeros((len(z) // 2, 2, 3))
+    for swing, force in swinging_forces(state) if len(answer) else ():
+        column = root.reshape(-1, 2) * _answered(state, force, answer)
+        for a in range(2):
+            inside = held[a::2].T @ column[:, a]
+            energy = max(float(column[:, a] @ column[:, a] - inside @ inside), 1e-12)
+            gain = min(float(column[:, a] @ left[a::2]), 0.0) ** 2 / (2.0 * energy)
+            if gain > best[a]:
+                best[a], swings[a], forces[:, a, a] = gain, swing, force[:, a]
+    forces[:, :, 2] = forces[:, :, 0] + forces[:, :, 1]  # as large as what is damped otherwise
+    if not best.any():
+        return _none(state, "swinging", 3)
+    columns = np.column_stack([_swung(state, swings, *which) for which in SWING_PARTS])
+    searched = 2 * SEARCH_PENALTY
+    term = _beside(state, nuisance, "swinging", forces, columns, low=0.0, searched=searched)
+    return replace(term, rhythms_hz=(swings[0][0], swings[1][0]))
+
+
+def _swung(state: State, swings: Sequence[Swing], axes: str, damped: bool) -> np.ndarray:
+    """The change (2 n,) of the ball's residuals where the plate adds to the angles of these axes
+    what `swung` says."""
+    model, runs = state.nominal.model(state.fit.setting), []
+    for run in state.evidence.runs:
+        t, theta = run.angles(model.record)
+        theta = theta.copy()
+        for a in ("xy".index(axis) for axis in axes):
+            theta[:, a] += swung(t, theta[:, a], swings[a], damped=damped)
+        runs.append(replace(run, t_s=t, theta_rad=theta, told_rad=None))
+    evidence = replace(state.evidence, runs=runs)
+    return evidence.roll(model, BALL).z - state.fit.z(BALL)
+
+
+def _answered(state: State, forces: np.ndarray, answer: np.ndarray) -> np.ndarray:
+    """The change of the ball's residuals by forces (n, 2, ...) [m/s2] about their exposures."""
+    columns, begin = np.zeros_like(forces), 0
+    for run in state.evidence.runs:
+        end = begin + len(run.exposed_s)
+        if end > begin:
+            columns[begin:end] = lfilter(answer, [1.0], forces[begin:end], axis=0)
+        begin = end
+    return columns
+
+
 def _along(
     state: State,
     nuisance: Nuisance,
@@ -103,17 +163,31 @@ def _along(
     sizes c (k,), none below `low`. `nuisance`: columns, room below and above, and steps of the
     parameters that are free beside it; `searched`: what the search for the forces costs.
     """
-    k, begin = forces.shape[2], 0
-    term = UnnamedTerm(BALL, kind, -PENALTY_PER_PARAMETER * k, state.nominal.rig.unknown, state)
-    if not len(answer) or not k:
-        return term
-    columns = np.zeros_like(forces)
-    for run in state.evidence.runs:
-        end = begin + len(run.exposed_s)
-        if end > begin:
-            columns[begin:end] = lfilter(answer, [1.0], forces[begin:end], axis=0)
-        begin = end
-    joint = np.column_stack([nuisance[0], columns.reshape(-1, k)])
+    if not len(answer) or not forces.shape[2]:
+        return _none(state, kind, forces.shape[2])
+    columns = _answered(state, forces, answer).reshape(-1, forces.shape[2])
+    return _beside(state, nuisance, kind, forces, columns, low=low, searched=searched)
+
+
+def _none(state: State, kind: str, k: int) -> UnnamedTerm:
+    """A term of k sizes that explains nothing."""
+    return UnnamedTerm(BALL, kind, -PENALTY_PER_PARAMETER * k, state.nominal.rig.unknown, state)
+
+
+def _beside(
+    state: State,
+    nuisance: Nuisance,
+    kind: str,
+    forces: np.ndarray,
+    columns: np.ndarray,
+    *,
+    low: float,
+    searched: float,
+) -> UnnamedTerm:
+    """The term of `_along` whose forces change the residuals by `columns` (2 n, k)."""
+    k = forces.shape[2]
+    term = _none(state, kind, k)
+    joint = np.column_stack([nuisance[0], columns])
     only = ParameterFit(state.fit.setting, {BALL: state.fit.rolls[BALL]}, {})
     a, b = normal_equations(state.evidence, only, {BALL: joint})
     least = np.append(nuisance[1], np.full(k, low))

@@ -44,7 +44,10 @@ from calibration.gap.unnamed.peaks import peaks
 from calibration.gap.unnamed.term import UnnamedTerm
 from rig.discrepancy import Discrepancy, discrepancy_acceleration, pack, servo_discrepancy
 
-PUSH_S = 0.05  # of a push whose response is that of any force; chosen
+PUSH_S = 0.02  # of a push as short as an impulse: one step of the ball before and behind
+# A filter of the ball with little process noise remembers a push for seconds. Until MEMORY_S, or
+# OVER of the most that it does; chosen.
+MEMORY_S, OVER = 20.0, 0.01
 ORDERS = (1, 2, 3)  # of a map over the plate
 SMOOTHING_SAMPLES = 15  # of a servo's speed: encoder counts are steps
 UNIT_VOLTS, UNIT_ANGLE = 0.02, 0.002  # trial coefficients of a servo [V], of its angle [rad]
@@ -240,10 +243,11 @@ def _response(
     length: float,
     stride: int,
     early: float = 0.0,
+    tail_s: float = 1.0,
 ) -> np.ndarray | None:
     """The change of the residuals by a unit force of `length` seconds that begins `early` seconds
-    before the first of them; None where no samples show it: the first run that has the output is
-    too short, or has a gap there."""
+    before the first of them, until `tail_s` after its end; None where no samples show it: the first
+    run that has the output is too short, or has a gap there."""
     t, run = evidence.times(output)
     first = run[::stride] == run[:1]
     t = t[::stride][first]
@@ -258,15 +262,17 @@ def _response(
     model = state.nominal.with_unknown(unknown).model(state.fit.setting)
     z = evidence.roll(model, output).z - state.fit.z(output)
     z = z.reshape(-1, stride)[first, 0]
-    end = int(np.searchsorted(t, begin + length + 1.0))
+    end = int(np.searchsorted(t, begin + length + tail_s))
     return z[i:end] if end > i else None
 
 
 def _answer(state: State) -> np.ndarray:
     """The change of the ball's residuals (m,) by a force of 1 m/s2 about one exposure, from then
-    on: a share of that by a short push about it. Empty where no samples show it."""
-    answer = _response(state.evidence, state, BALL, "ball", PUSH_S, 2, PUSH_S / 2)
+    on, until it is over: of an impulse as large. Empty where no samples show it."""
+    answer = _response(state.evidence, state, BALL, "ball", PUSH_S, 2, PUSH_S / 2, MEMORY_S)
     if answer is None:
         return np.zeros(0)
+    size = np.abs(answer)
+    answer = answer[: np.flatnonzero(size >= OVER * size.max())[-1] + 1]
     step_s = float(np.median(np.concatenate([np.diff(r.exposed_s) for r in state.evidence.runs])))
-    return answer / (UNIT_BALL * max(round(PUSH_S / step_s), 1))
+    return answer * step_s / (UNIT_BALL * PUSH_S)

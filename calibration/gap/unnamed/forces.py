@@ -15,10 +15,15 @@ Rigid Bodies, part 2, 1905, chapter 5.) The motion of the plate itself is left o
 **Swaying.** A floor, or a machine beside the table, shakes each axis at a frequency of its own.
 
 **Swinging.** A plate behind elastic rods or an elastic shaft follows its servos by w^2/D(s) with
-D(s) = s^2 + 2 zeta w s + w^2, so that beyond what they ask for the ball feels -(s^2 + 2 zeta w s)/D
-of it. Where w and the zeta of D are given, this is linear in two sizes, neither below 0: of the
-same without damping, -s^2/D, and with the most that a swing has. A delay or lag has -T s
-without that -s^2, so that only a short one looks like it.
+D(s) = s^2 + 2 zeta w s + w^2, so that its tilt differs from theirs by d = -s^2/D of it, and of what
+is damped not in the elastic part but against the table by -2 zeta w s/D as well. A delay or lag has
+-T s without that -s^2, so that only a short one looks like it. The ball, on its top, feels
+
+    a = k g d - r d''
+
+with k its rolling factor and r its radius: above sqrt(k g/r)/(2 pi), 3.7 Hz of a ball of 13 mm, the
+second is the larger one. Where it is seen it is moved as by impulses at the exposures: with X of
+X'' = a, of the size at which the mean speed from one to the next, (X_(i+1) - X_i)/h_i, changes.
 
 **Pushes.** Hands or gusts give constant forces from one time to another. They are found one after
 the other (matching pursuit: Mallat and Zhang, IEEE Trans. Signal Proc. 41, 1993): of residuals
@@ -29,8 +34,8 @@ z with weights w, a push whose answer is k and which begins at row i explains
 which has to be more than it costs.
 """
 
-from collections.abc import Sequence
-from itertools import accumulate
+from collections.abc import Iterator, Sequence
+from itertools import accumulate, product
 
 import numpy as np
 from scipy.signal import bilinear, correlate, lfilter
@@ -46,8 +51,10 @@ from rig.prediction.innovations import Signals
 # Largest friction over that which rolling needs, as quantiles of the need: the ball slips from half
 # of the time to a hundredth of it; chosen.
 SLIPS_BEYOND = (0.5, 0.65, 0.8, 0.9, 0.95, 0.99)
-SWINGS_HZ = (2.0, 2.5, 3.2, 4.0, 5.0, 6.3, 8.0, 10.0)  # beyond, a swing is a delay; chosen
-SWING_DAMPING, MOST_SWING_DAMPING = 0.1, 0.3  # zeta of D, and of a plate that still swings; chosen
+# Ratios of 1.05, half the width of a swing with the least damping but one. Beyond the last a swing
+# is a delay; chosen.
+SWINGS_HZ = tuple(np.geomspace(2.0, 10.0, 34).tolist())
+SWING_DAMPINGS = (0.03, 0.06, 0.12, 0.25)  # zeta, to the most with which a plate swings; chosen
 SWING_STEP_S = 0.002  # of the filter: a fiftieth of the shortest period
 MOST_PUSHES = 16  # that are looked for in the logs; chosen
 
@@ -82,32 +89,54 @@ def swaying_forces(t_s: np.ndarray, hz: tuple[float, float]) -> np.ndarray:
     return found
 
 
-def swinging_forces(state: State) -> list[np.ndarray]:
-    """`swing_forces` (n, 2, 2) [m/s2] at the exposures of all runs, for each frequency of
-    SWINGS_HZ."""
+Swing = tuple[float, float]  # frequency [Hz] and damping (zeta)
+
+
+def swinging_forces(state: State) -> Iterator[tuple[Swing, np.ndarray]]:
+    """Of plates that swing, damped in the elastic part: each of SWING_DAMPINGS and SWINGS_HZ with
+    its `swing_force` (n, 2) [m/s2] at the exposures of all runs."""
     p = state.nominal.model(state.fit.setting).record
     driven: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
     for run in state.evidence.runs:
         t, theta = run.angles(p)
         even = np.arange(t[0], t[-1] + SWING_STEP_S, SWING_STEP_S)
         at = np.column_stack([np.interp(even, t, theta[:, a]) for a in range(2)])
-        driven.append((even, GRAVITY_M_S2 * _sines(p, at), run.exposed_s))
-    return [np.concatenate([swing_forces(*one, hz) for one in driven]) for hz in SWINGS_HZ]
+        driven.append((even, _sines(p, at), run.exposed_s))
+    k_g, r = GRAVITY_M_S2 * float(p["factor"]), float(p["radius"])
+    for damping, hz in product(SWING_DAMPINGS, SWINGS_HZ):
+        swing = (hz, damping)
+        yield swing, np.concatenate([swing_force(*one, swing, k_g, r) for one in driven])
 
 
-def swing_forces(t: np.ndarray, a: np.ndarray, at: np.ndarray, hz: float) -> np.ndarray:
-    """The module's two forces (m, 2, 2) of a plate that swings at `hz` Hz, at times `at` (m,) [s]:
-    what it adds to a (n, 2) [m/s2] of the servos at times t (n,), SWING_STEP_S apart; at rest
-    first."""
-    w = 2.0 * np.pi * hz
-    below = [1.0, 2.0 * SWING_DAMPING * w, w * w]
-    found = np.zeros((len(at), 2, 2))
-    for k, damping in enumerate((0.0, MOST_SWING_DAMPING)):
-        over, under = bilinear([-1.0, -2.0 * damping * w, 0.0], below, 1.0 / SWING_STEP_S)
-        felt = np.asarray(lfilter(over, under, a - a[0], axis=0))
-        for axis in range(2):
-            found[:, axis, k] = np.interp(at, t, felt[:, axis])
+def swing_force(
+    t: np.ndarray, tilt: np.ndarray, at: np.ndarray, swing: Swing, k_g: float, radius_m: float
+) -> np.ndarray:
+    """The module's accelerations (m, 2) on a plate that swings, at exposures `at` (m,) [s]: beyond
+    the sines `tilt` (n, 2) [1] that the servos ask for at times t (n,), SWING_STEP_S apart; at rest
+    first. k_g: k g [m/s2]."""
+    path = _filtered([radius_m, 0.0, -k_g], swing, tilt)
+    found, step = np.zeros((len(at), 2)), np.diff(at)[:, None]
+    moved = np.column_stack([np.interp(at, t, path[:, axis]) for axis in range(2)])
+    if len(at) > 2:
+        found[1:-1] = np.diff(np.diff(moved, axis=0) / step, axis=0) / np.median(step)
     return found
+
+
+def swung(t: np.ndarray, theta: np.ndarray, swing: Swing, *, damped: bool) -> np.ndarray:
+    """What a plate that swings adds to the angles theta (n,) [rad] of its servo at times t (n,)
+    [s]: -s^2/D, or (damped) -2 zeta w s/D of them; at rest first."""
+    hz, damping = swing
+    even = np.arange(t[0], t[-1] + SWING_STEP_S, SWING_STEP_S)
+    over = [0.0, -4.0 * np.pi * hz * damping, 0.0] if damped else [-1.0, 0.0, 0.0]
+    return np.interp(t, even, _filtered(over, swing, np.interp(even, t, theta)))
+
+
+def _filtered(over: Sequence[float], swing: Swing, values: np.ndarray) -> np.ndarray:
+    """over/D of values (n, ...) SWING_STEP_S apart, at rest first."""
+    hz, damping = swing
+    w = 2.0 * np.pi * hz
+    digital = bilinear(over, [1.0, 2.0 * damping * w, w * w], 1.0 / SWING_STEP_S)
+    return np.asarray(lfilter(*digital, values - values[0], axis=0))
 
 
 def slipping_forces(state: State) -> list[np.ndarray]:

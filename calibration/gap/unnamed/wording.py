@@ -42,7 +42,10 @@ def describe(term: UnnamedTerm) -> str:
         "turning": lambda: "a force that turns with the ball, as of one that is heavier on a side",
         "pushes": lambda: f"pushes {when(term.windows_s)}",
         "slipping": lambda: "a force as of a ball that slips where the plate is steep",
-        "swinging": lambda: "a force as of a plate that swings behind its servos",
+        "swinging": lambda: (
+            "a force as of a plate that swings behind its servos, at about "
+            f"{term.rhythms_hz[0]:.1f} Hz along x and {term.rhythms_hz[1]:.1f} Hz along y"
+        ),
         "segment": lambda: (
             f"from {getattr(u, f'{side}_segment_s')[0]:.1f} to "
             f"{getattr(u, f'{side}_segment_s')[1]:.1f} s only, "

@@ -5,20 +5,20 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.integrate import cumulative_trapezoid
 from scipy.signal import lfilter
 
 from calibration.gap import investigate
 from calibration.gap.model.parameters import BALL
 from calibration.gap.unnamed.basis import _answer
 from calibration.gap.unnamed.forces import (
-    MOST_SWING_DAMPING,
-    SWING_DAMPING,
     SWING_STEP_S,
     as_one,
     attitude,
     pushes,
     slip_force,
-    swing_forces,
+    swing_force,
+    swung,
 )
 from rig.discrepancy import Discrepancy
 from rig.log import Log
@@ -91,24 +91,44 @@ def test_another_plants_ball_slips_the_same():
     assert missed < 0.01 * of
 
 
-def test_another_plants_plate_swings_the_same():
-    """The damping that it has, by parts of the force without and of that with the most."""
-    hz, share = 4.0, SWING_DAMPING / MOST_SWING_DAMPING
+def _asked() -> tuple[np.ndarray, np.ndarray]:
+    """Times (n,) [s] and steps (n,) that a servo takes."""
     t = SWING_STEP_S * np.arange(2000)
     asked = np.repeat(np.random.default_rng(3).uniform(-0.3, 0.3, 20), 100)
-    asked[0] = 0.0
+    asked[:100] = 0.0
+    return t, asked
+
+
+def test_another_plants_plate_swings_the_same():
+    """Damped against the table it is both parts."""
+    hz, damping, (t, asked) = 4.0, 0.1, _asked()
     plate, rate, each = np.zeros(len(t)), 0.0, 20
     for i in range(1, len(t)):
         plate[i] = plate[i - 1]
         for j in range(each):
             now = asked[i - 1] + (j + 1) / each * (asked[i] - asked[i - 1])
-            rate = followed(rate, now - plate[i], hz, SWING_DAMPING, SWING_STEP_S / each)
+            rate = followed(rate, now - plate[i], hz, damping, SWING_STEP_S / each)
             plate[i] += rate * SWING_STEP_S / each
-    forces = swing_forces(t, np.column_stack([asked, 2.0 * asked]), t, hz)
-    told = forces @ np.array([1.0 - share, share])
+    told = sum(swung(t, asked, (hz, damping), damped=damped) for damped in (False, True))
     felt = plate - asked
-    assert np.abs(told[:, 0] - felt).max() < 0.02 * np.abs(felt).max()
-    np.testing.assert_allclose(told[:, 1], 2.0 * told[:, 0])
+    assert np.abs(told - felt).max() < 0.02 * np.abs(felt).max()
+
+
+def test_impulses_at_the_exposures_move_a_ball_as_the_swing_does():
+    """Where it is seen, though not evenly: it rolls, and the plate turns below it."""
+    swing, k_g, radius_m, (t, asked) = (4.0, 0.1), 7.0, 0.013, _asked()
+    later = np.random.default_rng(4).choice(t[100:-1], 60, replace=False)
+    at = np.array([0.1, 0.15, *np.sort(later)])
+    beyond = swung(t, asked, swing, damped=False)
+    path = k_g * beyond
+    for _ in range(2):
+        path = cumulative_trapezoid(path, dx=SWING_STEP_S, initial=0.0)
+    path -= radius_m * beyond
+    force = swing_force(t, np.column_stack([asked, 2.0 * asked]), at, swing, k_g, radius_m)
+    speed = np.cumsum(np.median(np.diff(at)) * force[:-1, 0])
+    moved, felt = np.cumsum(speed * np.diff(at)), np.interp(at[1:], t, path)
+    assert np.abs(moved - felt).max() < 1e-6 * np.abs(felt).max()
+    np.testing.assert_allclose(force[:, 1], 2.0 * force[:, 0])
 
 
 @pytest.mark.parametrize("hz", [0.7, 2.0, 4.0])
@@ -130,7 +150,9 @@ def test_residuals_answer_to_a_force_as_to_pushes_about_each_exposure(hz: float)
 
 def test_a_plate_that_stays_does_not_swing():
     t = SWING_STEP_S * np.arange(100)
-    assert not swing_forces(t, np.full((100, 2), 0.7), t[::8], 3.0).any()
+    still = np.full((100, 2), 0.7)
+    assert not swing_force(t, still, t[::8], (3.0, 0.1), 7.0, 0.02).any()
+    assert not swung(t, still[:, 0], (3.0, 0.1), damped=True).any()
 
 
 def test_a_ball_that_rolled_once_round_looks_as_before():
