@@ -18,6 +18,16 @@ UNHEARD_S = 10.0
 LOOK_S = 0.05
 
 
+def _deaf() -> None:
+    """A copy of this process, as a lab's class makes and ends one, keeps its signals to itself."""
+    with suppress(ValueError):  # no main thread
+        signal.set_wakeup_fd(-1)
+
+
+if hasattr(os, "register_at_fork"):  # Windows copies no process
+    os.register_at_fork(after_in_child=_deaf)
+
+
 @contextmanager
 def ended_unheard(
     heard_s: Callable[[], float],

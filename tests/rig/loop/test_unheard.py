@@ -1,5 +1,6 @@
 """A signal that compiled code keeps from Python ends the program all the same."""
 
+import os
 import signal
 import subprocess
 import sys
@@ -79,6 +80,32 @@ with leave_on_signals(print), stop_on_signals(Slot(), also=("SIGINT",)):
     who = {signal.SIGTERM: "SIGTERM from the system", signal.SIGINT: "by the operator"}
     assert said == f"interrupted: {who[signal.Signals(number)]}\n"
     assert took_s < 0.5 * unheard.UNHEARD_S
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no copy of the program there")
+def test_a_signal_that_ends_a_copy_is_not_the_programs():
+    """As of a lab's own process, `multiprocessing`'s, that is terminated in the midst of a run."""
+    text = """
+import os, signal, time
+from rig.loop.signals import leave_on_signals, stop_on_signals
+
+class Slot:
+    def put(self, stop):
+        os.write(1, b"stopped")
+
+with leave_on_signals(print), stop_on_signals(Slot()):
+    if (copy := os.fork()) == 0:
+        signal.signal(signal.SIGTERM, lambda *_: os._exit(0))
+        os.write(1, b"begun ")
+        while True:
+            signal.pause()
+    time.sleep(0.5)
+    os.kill(copy, signal.SIGTERM)
+    os.waitpid(copy, 0)
+    time.sleep(0.5)
+"""
+    done = subprocess.run([sys.executable, "-c", text], capture_output=True, timeout=60)
+    assert (done.returncode, done.stdout) == (0, b"begun ")
 
 
 def test_what_is_left_in_time_leaves_no_thread_and_the_former_socket():
