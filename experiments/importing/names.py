@@ -122,7 +122,8 @@ def hint(name: str, stated_unit: str | None = None) -> Hint:
     said.sort(key=lambda word: word not in ("x", "y"))  # the pixel's u is a control's, too
     axis = _AXES[said[0]] if said else None
     role = _role(words, roles, unit)
-    if role is None and set(_words(re.split(r"[./]", bare)[-1])) - SEEN_AS <= PLAIN:
+    last = set(_words(re.split(r"[./]", bare)[-1]))
+    if role is None and last & PLAIN and last <= PLAIN | SEEN_AS:
         role = "ball"  # x and y alone
     clear = any(word.startswith((*CLEAR_ANGLE, *STEMS["angle"].split())) for word in words)
     return Hint(role, axis, unit, clear, "derived" in roles, "ball" in roles)

@@ -32,9 +32,12 @@ from experiments.importing.names import hint, hints
         ("u_deg[1]", "command", "x", "deg"),
         ("u_px", "ball", "x", "px"),
         ("x_real", "ball", "x", None),
+        ("act", None, None, None),
     ],
 )
-def test_compounds_and_spelled_units(name: str, role: str, axis: str, unit: str):
+def test_compounds_and_spelled_units(
+    name: str, role: str | None, axis: str | None, unit: str | None
+):
     found = hint(name)
     assert (found.role, found.axis, found.unit) == (role, axis, unit)
 
