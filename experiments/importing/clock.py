@@ -14,7 +14,7 @@ MAX_BACKWARDS = 0.01  # share of rows whose stamp is not later: they are left ou
 REPEATED = 0.2  # share of rows with the stamp of the row before: the stamps are coarser than rows
 DAY_S = 86400.0
 COUNTERS = (2.0**16, 2.0**32)  # at which a microcontroller's ticks begin anew
-NEAR_ROWS = 50  # chosen: rows that may be missing where a clock begins anew
+NEAR_ROWS = 10  # chosen: rows that may be missing where a clock begins anew; a session seldom fits
 STEPS_AWAY = 1.5  # resolutions of such a stamp by which it may lie off an even clock
 
 
@@ -115,7 +115,7 @@ def _sessions(t_s: np.ndarray, finite: np.ndarray, marks: np.ndarray) -> np.ndar
 
 def growing_on(stamps: np.ndarray, ends: Sequence[float]) -> np.ndarray:
     """Stamps (n,) that go on growing where they begin anew at one of `ends`: a time of day at
-    midnight, a counter that is full. They fall from just below it to just above 0 there."""
+    midnight, a counter that is full. Over the end they take a step of NEAR_ROWS at most."""
     known = np.isfinite(stamps)
     steps = np.diff(stamps[known])
     if not np.any(steps < 0) or not np.any(steps > 0):
@@ -124,7 +124,7 @@ def growing_on(stamps: np.ndarray, ends: Sequence[float]) -> np.ndarray:
     grown = stamps[known]
     for end in ends:
         inside = np.all((grown >= 0) & (grown < end))
-        anew = (grown[:-1] >= end - near) & (grown[1:] <= near) & (steps < 0)
+        anew = (steps < 0) & (steps + end <= near)
         if inside and near < end / 2 and np.any(anew):
             grown = grown + end * np.concatenate(([0], np.cumsum(anew)))
             out = stamps.copy()

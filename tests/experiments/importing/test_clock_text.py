@@ -35,6 +35,11 @@ def test_a_clock_that_begins_anew_at_its_end_goes_on(end: float):
     np.testing.assert_array_equal(grown - end, [-2, np.nan, -1, 0, 1])
 
 
+def test_a_session_that_ended_before_the_counter_was_full_is_no_part_of_the_next():
+    both = np.concatenate((np.arange(0, 64900, 20.0), np.arange(0, 30000, 20.0)))
+    np.testing.assert_array_equal(growing_on(both, (2.0**16,)), both)
+
+
 @pytest.mark.parametrize("stamps", [[50, 51, 10, 11], [1.7e9, 1.6e9, 1.6e9 + 1], [np.nan], []])
 def test_one_that_is_set_back_stays(stamps: list[float]):
     before = np.array(stamps, float)
