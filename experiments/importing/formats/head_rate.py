@@ -18,6 +18,10 @@ _VALUES = (  # a number before its unit, behind one, behind what alone means her
     re.compile(rf"\b(fs|dt)\b\s*[:=,;\t]\s*{_NUMBER}(?!\s*\w)", re.IGNORECASE),
     re.compile(rf"^\W*(?:[a-zé]+[\s_-]?)?(rate|freq|fps)[a-z]*[\W_]+{_NUMBER}\W*$", re.IGNORECASE),
 )
+_STEP = re.compile(  # what seconds are those of
+    r"\bdt\b|interv|p[eé]r[ií]od|step|every|zeit|takt|time|temps|tiempo|tempo|tijd|\bpas",
+    re.IGNORECASE,
+)
 _HERTZ = {"hz": 1.0, "fps": 1.0, "khz": 1e3, "fs": 1.0, "rate": 1.0, "freq": 1.0}
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "dt": 1.0}
 RATES_HZ = (4.0, 5000.0)  # slower no such table is read, faster none can be
@@ -28,7 +32,8 @@ def time_by_rate(
     columns: Mapping[str, np.ndarray], lines: Iterable[str]
 ) -> tuple[str, np.ndarray] | None:
     """A name, and seconds (n,) of the rows of these columns by the rate that lines of text state,
-    as `Sample rate: 50 Hz`, `dt = 0.02`; None where they state none, or several.
+    as `Sample rate: 50 Hz`, `dt = 0.02`; None where they state none, or several. A line with one
+    more number says of what the rate is, as of samples of which each tenth was written.
 
     The first column that counts rows counts, as frames may be missing, else their order. A camera's
     rate is one of rows only where they are counted.
@@ -36,6 +41,7 @@ def time_by_rate(
     counted = next((values for values in columns.values() if _counts(values)), None)
     lines = [line for line in lines if counted is not None or not _OF_FRAMES.search(line)]
     of = [line for line in lines if _OF_ROWS.search(line) or _OF_FRAMES.search(line)]
+    of = [line for line in of if len(re.findall(_NUMBER, line)) == 1]
     rates = {round(rate, 6) for line in of for rate in _rates(line)}
     fitting = [rate for rate in rates if RATES_HZ[0] <= rate <= RATES_HZ[1]]
     rows = len(next(iter(columns.values())))
@@ -52,8 +58,10 @@ def _rates(line: str) -> Iterator[float]:
         for pair in pattern.findall(line):
             number, unit = pair if pair[0][0].isdigit() else pair[::-1]
             value, unit = float(number.replace(",", ".")), unit.lower()
-            if value > 0:
-                yield value * _HERTZ[unit] if unit in _HERTZ else 1 / (value * _SECONDS[unit])
+            if value > 0 and unit in _HERTZ:
+                yield value * _HERTZ[unit]
+            elif value > 0 and _STEP.search(line):
+                yield 1 / (value * _SECONDS[unit])
 
 
 def _counts(values: np.ndarray) -> bool:

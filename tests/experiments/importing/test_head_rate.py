@@ -30,6 +30,10 @@ FRAMES = {**ROWS, "frame": np.delete(np.arange(41.0), 7)}
         ("cutoff frequency: 5 Hz", None),
         ("sampled at 50 Hz, written at 10 Hz", None),
         ("camera frame rate: 30 fps", None),
+        ("sampling rate 1 kHz, decimated by 10", None),
+        ("logged every 10 samples of 1 kHz", None),
+        ("dt = 0.001 (solver), written each 20th", None),
+        ("resampled, filter window 100 ms", None),
     ],
 )
 def test_what_lines_state(line: str, rate_hz: float | None):
