@@ -30,8 +30,8 @@ def is_labelled(head: Sequence[str]) -> bool:
 
 def labelled(lines: Iterable[str]) -> Stream:
     """The numbers of labelled lines, NaN where a line does not name one, and the times of day at
-    their beginnings as `stamp`; errors and notes as of `messages_of_lines`. BadFileError: a line
-    has a name twice."""
+    their beginnings as STAMP [s], the last, since a clock of their own is the better one; errors
+    and notes as of `messages_of_lines`. BadFileError: a line has a name twice."""
     found = messages_of_lines(lines, _row, "names with a number each")
     return replace(found, units={STAMP: "s"} if STAMP in found.columns else {})
 
@@ -46,11 +46,11 @@ def _row(line: str) -> dict[str, float] | None:
 def _pairs(line: str) -> list[tuple[str, str]]:
     """The names, with a unit behind the number as `x [mm]`, and numbers of a line, behind its time
     of day; none where anything else stands in it."""
-    found, at = [], 0
+    found, stamps, at = [], [], 0
     text = line.strip()
     stamp = _STAMP.match(text)
     if stamp and is_clock(stamp[1]):
-        found.append((STAMP, str(clock_seconds(stamp[1]))))
+        stamps.append((STAMP, str(clock_seconds(stamp[1]))))
         level = _LEVEL.match(text, stamp.end())
         at = level.end() if level else stamp.end()
     while match := _PAIR.match(text, at) or _LIST.match(text, at):
@@ -63,4 +63,4 @@ def _pairs(line: str) -> list[tuple[str, str]]:
             return []
         several = len(numbers) > 1
         found += [(f"{name}[{i + 1}]" if several else name, n) for i, n in enumerate(numbers)]
-    return found if not text[at:].strip(" ,;|") else []
+    return [*found, *stamps] if not text[at:].strip(" ,;|") else []

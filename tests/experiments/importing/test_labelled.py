@@ -60,7 +60,7 @@ def test_a_programs_log_has_stamps_levels_and_places_in_brackets(level: str, tmp
     ]
     path.write_text("\n".join(["2024-03-11 14:05:00,100 INFO camera opened", *rows]))
     (stream,) = read_text(path)
-    stamp, *names = stream.columns
+    *names, stamp = stream.columns
     assert names == ["ball[1]", "ball[2]", "servo[1]", "servo[2]"]
     assert stream.units == {stamp: "s"}
     np.testing.assert_allclose(np.diff(stream.columns[stamp]), 1.0)
