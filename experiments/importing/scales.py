@@ -21,6 +21,7 @@ GAIN = (0.2, 8.5)  # m/s2/rad; the upper end: the plate's own tilt, 5/7 g, and a
 LINKAGE_GAIN = 3.6  # of a servo's arm on a plate at most half as long; beyond, it is no such angle
 TILT_GAINS = (5 / 7 * 9.81, 3 / 5 * 9.81)  # of the plate's own tilt, of a solid and a hollow ball
 TILT_TOLERANCE = 0.05  # chosen: twice what noise and drag make of them
+TILT_SPAN_M = 0.3  # chosen: a ball keeps to less on a plate's own tilt, of a share it is 1 or 2
 BALL_SPAN_M = (0.004, 1.5)
 LENGTHS = ("m", "cm", "mm")
 ANGLE_SPAN_RAD = 0.004  # at least
@@ -273,7 +274,8 @@ def _sure_ball(
     """Whether a ball without a named unit surely is in metres.
 
     Millimetres and centimetres could as well be pixels, and a share of the plate could be metres
-    if the gain were more than a linkage's, but is not that of a plate's own tilt.
+    if the gain were more than a linkage's, but is not that of a plate's own tilt within
+    TILT_SPAN_M.
     """
     if {b for b, _ in fitting} != {"m"} or len(fitting) != 1:
         return False
@@ -285,6 +287,7 @@ def _sure_ball(
             return False
         gain = abs(answer.response.gain) / a
         own_tilt = any(abs(gain / tilt - 1) <= TILT_TOLERANCE for tilt in TILT_GAINS)
+        own_tilt &= _span(draft.values(draft.signals[ball_names[axis]]["column"])) <= TILT_SPAN_M
         if gain > LINKAGE_GAIN and not own_tilt:
             return False
     return bool(answers)

@@ -76,6 +76,13 @@ def test_metres_are_sure_where_the_ball_rolls_as_on_the_plates_own_tilt(scale: f
     assert found == [] if sure else any("ball.unit=" in one for one in found)
 
 
+def test_a_share_of_the_plate_is_no_metre_where_a_linkage_makes_it_roll_as_on_its_own_tilt():
+    it = run(2, duration_s=24.0, lever=0.138)
+    tilt = {f"servo_{axis}_meas_deg": it.theta_rad[:, k] / DEGREE for k, axis in enumerate("xy")}
+    found = options(proposed(tilt, it, "ball_{}", 1 / 0.1375))
+    assert any("ball.unit=" in one for one in found)
+
+
 def test_days_of_a_spreadsheet_are_a_clock():
     it = TILTED
     tilt = {"pitch_meas_deg": it.theta_rad[:, 0] / DEGREE, "roll_meas_deg": it.theta_rad[:, 1]}
