@@ -5,7 +5,7 @@ its forces (`calibration.gap.unnamed.forces`). Its gain is what its normal equat
 for pushes, by how much Huber's cost falls where that is more: its weights bound the promise.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -18,8 +18,6 @@ from calibration.gap.model.fit import ParameterFit, bounded_step, normal_equatio
 from calibration.gap.model.parameters import BALL
 from calibration.gap.model.state import State
 from calibration.gap.unnamed.forces import (
-    SWING_DAMPINGS,
-    SWINGS_HZ,
     Swing,
     as_one,
     pushes,
@@ -35,8 +33,6 @@ from calibration.gap.unnamed.term import UnnamedTerm
 WINDOWS_S = (0.3, 0.6, 1.2, 2.5, 5.0, 10.0)
 FOUND_BY_S = 1.0  # of the answer to a push behind its end: a later one is found, too; chosen
 UNIT_BALL = 0.02  # RMS of a force at its trial size [m/s2]
-# Of a plate that swings, axes and whether against the table: sizes of their own.
-SWING_PARTS = (("x", False), ("y", False), ("xy", True))
 # Of the parameters that are free beside a term: secants (n, k), room below and above, steps.
 Nuisance = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
@@ -98,13 +94,14 @@ def _swaying(state: State, nuisance: Nuisance, answer: np.ndarray) -> Iterator[U
 
 def _swinging(state: State, nuisance: Nuisance, answer: np.ndarray) -> UnnamedTerm:
     """A plate that swings behind its servos, on each axis with the frequency and damping that
-    explain most beside the free parameters, whatever their room."""
+    explain most beside the free parameters, whatever their room: of each axis a size of what is
+    damped in the elastic part, of both one of what is damped against the table besides."""
     z = state.fit.z(BALL)
     root = np.sqrt(weights(z, state.evidence.masks[BALL]))
     held = orth(root[:, None] * nuisance[0] * nuisance[3])
     left = root * z
     left -= held @ (held.T @ left)
-    best, swings = np.zeros(2), [(SWINGS_HZ[-1], SWING_DAMPINGS[-1])] * 2
+    best, swings = np.zeros(2), dict[int, Swing]()
     forces = np.zeros((len(z) // 2, 2, 3))
     for swing, force in swinging_forces(state) if len(answer) else ():
         column = root.reshape(-1, 2) * _answered(state, force, answer)
@@ -114,23 +111,28 @@ def _swinging(state: State, nuisance: Nuisance, answer: np.ndarray) -> UnnamedTe
             gain = min(float(column[:, a] @ left[a::2]), 0.0) ** 2 / (2.0 * energy)
             if gain > best[a]:
                 best[a], swings[a], forces[:, a, a] = gain, swing, force[:, a]
-    forces[:, :, 2] = forces[:, :, 0] + forces[:, :, 1]  # as large as what is damped otherwise
-    if not best.any():
+    if not swings:
         return _none(state, "swinging", 3)
-    columns = np.column_stack([_swung(state, swings, *which) for which in SWING_PARTS])
-    searched = 2 * SEARCH_PENALTY
+    forces[:, :, 2] = forces[:, :, 0] + forces[:, :, 1]  # as large as what is damped otherwise
+    parts = [*(([a], False) for a in sorted(swings)), (list(swings), True)]
+    columns = np.column_stack([_swung(state, swings, *part) for part in parts])
+    searched = len(swings) * SEARCH_PENALTY
+    forces = forces[:, :, [*sorted(swings), 2]]
     term = _beside(state, nuisance, "swinging", forces, columns, low=0.0, searched=searched)
-    return replace(term, rhythms_hz=(swings[0][0], swings[1][0]))
+    x_hz, y_hz = (swings[a][0] if a in swings else 0.0 for a in range(2))
+    return replace(term, rhythms_hz=(x_hz, y_hz))
 
 
-def _swung(state: State, swings: Sequence[Swing], axes: str, damped: bool) -> np.ndarray:
+def _swung(
+    state: State, swings: Mapping[int, Swing], axes: Sequence[int], damped: bool
+) -> np.ndarray:
     """The change (2 n,) of the ball's residuals where the plate adds to the angles of these axes
     what `swung` says."""
     model, runs = state.nominal.model(state.fit.setting), []
     for run in state.evidence.runs:
         t, theta = run.angles(model.record)
         theta = theta.copy()
-        for a in ("xy".index(axis) for axis in axes):
+        for a in axes:
             theta[:, a] += swung(t, theta[:, a], swings[a], damped=damped)
         runs.append(replace(run, t_s=t, theta_rad=theta, told_rad=None))
     evidence = replace(state.evidence, runs=runs)

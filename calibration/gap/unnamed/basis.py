@@ -267,8 +267,8 @@ def _response(
 
 
 def _answer(state: State) -> np.ndarray:
-    """The change of the ball's residuals (m,) by a force of 1 m/s2 about one exposure, from then
-    on, until it is over: of an impulse as large. Empty where no samples show it."""
+    """The change of the ball's residuals (m,), from then on until it is over, by an impulse at one
+    exposure as large as 1 m/s2 is from one to the next. Empty where no samples show it."""
     answer = _response(state.evidence, state, BALL, "ball", PUSH_S, 2, PUSH_S / 2, MEMORY_S)
     if answer is None:
         return np.zeros(0)

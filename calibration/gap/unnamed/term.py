@@ -15,7 +15,8 @@ class UnnamedTerm:
     swinging, swaying or pushes), score, coefficients (`unknown`), and the state with it in its
     model, not yet predicted with it (`plain` is without). The model cannot hold the last five:
     their `unknown` and state are those without, and `felt_m_s2` is their RMS by axis. `windows_s`:
-    of pushes, when, and `runs`: in which run; `rhythms_hz`: of what sways or swings, by axis."""
+    of pushes, when, and `runs`: in which run; `rhythms_hz`: of what sways or swings, by axis; 0 of
+    one that does not."""
 
     output: str
     kind: str

@@ -44,7 +44,11 @@ def describe(term: UnnamedTerm) -> str:
         "slipping": lambda: "a force as of a ball that slips where the plate is steep",
         "swinging": lambda: (
             "a force as of a plate that swings behind its servos, at about "
-            f"{term.rhythms_hz[0]:.1f} Hz along x and {term.rhythms_hz[1]:.1f} Hz along y"
+            + " and ".join(
+                f"{hz:.1f} Hz along {axis}"
+                for axis, hz in zip("xy", term.rhythms_hz, strict=True)
+                if hz
+            )
         ),
         "segment": lambda: (
             f"from {getattr(u, f'{side}_segment_s')[0]:.1f} to "

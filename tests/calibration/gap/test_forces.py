@@ -20,6 +20,8 @@ from calibration.gap.unnamed.forces import (
     swing_force,
     swung,
 )
+from calibration.gap.unnamed.term import UnnamedTerm
+from calibration.gap.unnamed.wording import describe
 from rig.discrepancy import Discrepancy
 from rig.log import Log
 from rig.rigfile import read_rig
@@ -146,6 +148,12 @@ def test_residuals_answer_to_a_force_as_to_pushes_about_each_exposure(hz: float)
     told = lfilter(_answer(state), [1.0], force)
     late = t > t[0] + 3.0  # what was before the log is not in the answer
     assert np.sqrt(np.mean((told - felt)[late] ** 2)) < 0.2 * np.sqrt(np.mean(felt[late] ** 2))
+
+
+def test_the_frequency_is_told_of_the_axis_that_swings_alone():
+    state = released(evidence_of(Log.from_columns(WORLDS["plain"](2)[0])), ("viscous_drag", "xy"))
+    term = UnnamedTerm(BALL, "swinging", 9.0, Discrepancy(), state, rhythms_hz=(0.0, 4.5))
+    assert describe(term).endswith("behind its servos, at about 4.5 Hz along y")
 
 
 def test_a_plate_that_stays_does_not_swing():
