@@ -68,7 +68,7 @@ def table(rows: list[RunSummary], centroids: dict[str, tuple[float, float]]) -> 
     lines = ["| run | controller | outcome | centroid [cm] |", "|---|---|---|---|"]
     for row in rows[:LISTED]:
         where = centroids.get(row.folder.name)
-        words = "" if where is None else f"({where[0]:+.2f},\u00a0{where[1]:+.2f})"
+        words = "" if where is None else f"({where[0]:+.2f}, {where[1]:+.2f})"
         cells = (f"{row.protocol} {row.when}", row.method, row.how)
         lines.append(f"| {' | '.join(map(plain, cells))} | {words} |")
     more = len(rows) - LISTED

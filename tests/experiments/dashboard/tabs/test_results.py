@@ -29,6 +29,11 @@ def test_a_run_that_did_not_end_as_planned_is_listed_with_the_reason(tmp_path: P
     assert "stopped by page 2" in table(rows, {})
 
 
+def test_a_centroid_breaks_between_its_coordinates_where_the_panel_is_narrow():
+    rows = [RunSummary(Path("a"), "hold", "with", 1, "completed")]
+    assert "(-10.09, +10.00)" in table(rows, {"a": (-10.09, 10.0)})  # an ordinary space
+
+
 def test_it_says_which_runs_count():
     rows = [RunSummary(Path("a"), "hold", "with", 1, "completed")] * 8
     said = card(DrawnFigures([], rows, "The ball stays nearer.", counts=(4, 3)))
