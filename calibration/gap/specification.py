@@ -13,7 +13,8 @@ fitted to four of five seconds predicts of the fifth,
 G_flexible counts where it is above 0 for certain, by blocks (`decision_rule.is_certain`).
 
 A constant (OFFSETS) cannot be told from the mean of what depends on the place, where such a term is
-left: a dent has a mean slope where the ball was.
+left: a dent has a mean slope where the ball was. Nor can a dry friction or a dead zone from a part
+of what depends on speed: a bridge that loses volts by the sign of the current gives all three.
 
 **Order in time.** A cause does not come after what it causes (Sims, Am. Econ. Rev. 62, 1972). In
 closed loop a gust is answered by the controller, and a function of the angles of this answer looks
@@ -30,7 +31,13 @@ from collections.abc import Collection, Mapping
 
 import numpy as np
 
-from calibration.gap.decision_rule import CANCELLED_SHARE, RANGE_END_STEPS, is_certain
+from calibration.gap.decision_rule import (
+    CANCELLED_SHARE,
+    CHANCE_ONE_IN,
+    DRY_FRICTIONS,
+    RANGE_END_STEPS,
+    is_certain,
+)
 from calibration.gap.model.cost import huber, weights
 from calibration.gap.model.fit import evaluate
 from calibration.gap.model.flexible import ball_regressors, servo_regressors, with_hats
@@ -89,11 +96,18 @@ def predictable(state: State, output: str) -> float:
     return float(falls.sum()) if is_certain(falls) else 0.0
 
 
-def mean_of_a_map(one: Accepted, outputs: Collection[str], left: UnnamedTerm | None) -> str:
-    """Why a constant on these outputs cannot be certain beside what is left without a name, in
-    words; "" if it can."""
-    if one.name in OFFSETS and left is not None and left.kind == "map" and left.output in outputs:
+def part_of_what_is_left(
+    one: Accepted, outputs: Collection[str], left: UnnamedTerm | None
+) -> str:
+    """Why a name on these outputs cannot be certain beside what is left without a name there, in
+    words; "" if it can: a constant beside what depends on the place, dry friction or a dead zone
+    beside what depends on speed."""
+    if left is None or left.output not in outputs:
+        return ""
+    if one.name in OFFSETS and left.kind == "map":
         return "what is left depends on the place, and its mean looks like this"
+    if one.name in DRY_FRICTIONS and left.kind == "speed":
+        return "what is left depends on speed, and may be of one kind with this"
     return ""
 
 
@@ -124,27 +138,37 @@ def another_response(state: State, one: Accepted) -> str:
     return ""
 
 
-def held_at_rest(
+def weaker_at_centre(
     state: State, one: Accepted, accepted: Collection[Accepted], spread: Mapping[str, Spread]
 ) -> str:
-    """Why a ripple beside a rolling resistance cannot be certain, in words; "" if it can. `spread`:
-    of the parameters' sizes.
+    """Why a ripple that takes away tilt near level cannot be certain, in words; "" if it can.
+    `spread`: of the parameters' sizes.
 
-    With a phase of pi, A sin(n theta + pi) = -A n theta near level, a ripple takes tilt away from a
-    ball at rest. On every axis that is no chance of the phase: the ball is held by more than it
-    resists while it rolls, as by felt, hair or a dent.
+    With a phase of pi, A sin(n theta + pi) = -A n theta near level. The teeth of a wheel do not
+    know where level is: an interval of +-w about pi has chance w/pi on an axis. Where the product
+    of these over the axes is at most 1 in CHANCE_ONE_IN, the plate follows less about its centre,
+    as in a play that a spring centres. Where one is not as sure, but a rolling resistance is named
+    beside it, the ball is held at rest by more than it resists while it rolls, as by felt, hair or
+    a dent.
     """
-    if one.name != RIPPLE or RESISTANCE not in (other.name for other in accepted):
+    if one.name != RIPPLE:
         return ""
+    chance = 1.0
     for axis in one.axes:
         along, across = state.nominal.of(one.name, axis)[:2]  # A cos(phase), A sin(phase)
+        size = state.fit.setting[along.name]
         aside = interval(state.fit.setting[across.name], spread.get(across.name, FIXED))
-        if state.fit.setting[along.name] >= 0.0 or not aside.low <= 0.0 <= aside.high:
+        if size >= 0.0 or not aside.low <= 0.0 <= aside.high:
             return ""
-    return (
-        "beside rolling resistance it takes away the tilt of a ball at rest, which may be held by "
-        "more than that: felt, hair, a dent"
-    )
+        chance *= np.arctan2(max(-aside.low, aside.high), -size) / np.pi
+    if RESISTANCE in (other.name for other in accepted):
+        return (
+            "beside rolling resistance it takes away the tilt of a ball at rest, which may be held "
+            "by more than that: felt, hair, a dent"
+        )
+    if chance <= 1.0 / CHANCE_ONE_IN:
+        return "it makes the plate follow less about level, as a play that a spring centres does"
+    return ""
 
 
 def misfit_of_a_fall(state: State, one: Accepted, accepted: Collection[Accepted]) -> str:

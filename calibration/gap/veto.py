@@ -79,11 +79,11 @@ from calibration.gap.name.stepwise import Accepted
 from calibration.gap.specification import (
     another_response,
     completeness,
-    held_at_rest,
-    mean_of_a_map,
     misfit_of_a_fall,
+    part_of_what_is_left,
     predictable,
     untimely,
+    weaker_at_centre,
 )
 from calibration.gap.unnamed.basis import unnamed_terms
 from calibration.statistics import student_quantile
@@ -255,7 +255,7 @@ def _leans(decision: Decision, alone: State, one: Accepted, kept: Collection[Acc
     outputs = outputs_of_name(one, alone.nominal.catalogue)
     left = decision.unnamed.output if decision.unnamed else ""
     return (
-        mean_of_a_map(one, outputs, decision.unnamed)
+        part_of_what_is_left(one, outputs, decision.unnamed)
         or rival_as_good(alone, one, left)
         or misfit_of_a_fall(alone, one, kept)
         or trend_of_one_run(decision.state, one)
@@ -316,7 +316,7 @@ def _doubted(decision: Decision, tried: _Tried) -> tuple[list[Accepted], list[st
     sure, doubts = dict(tried.complete), []
     for one in decision.accepted:
         outputs = outputs_of_name(one, known)
-        stands_in = another_response(alone, one) or held_at_rest(
+        stands_in = another_response(alone, one) or weaker_at_centre(
             alone, one, decision.accepted, tried.spread
         )
         for output in (o for o in outputs if o in alone.evidence.outputs):
