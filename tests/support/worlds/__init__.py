@@ -48,6 +48,8 @@ WORLDS = {
         strangers.cable,
         strangers.elastic_belt,
         strangers.twisting_plate,
+        strangers.centred_play,
+        strangers.losing_bridge,
         strangers.fan,
         strangers.swaying_floor,
         strangers.slipping_ball,

@@ -37,6 +37,7 @@ def ball(**changes) -> Ball:
             "restitution": 0.5,
             "swing_hz": 0.0,
             "swing_damping": 0.1,
+            "centred_rad": 0.0,
             **changes,
         }
     )

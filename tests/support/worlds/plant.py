@@ -13,6 +13,8 @@ from numba import njit
 
 STEP_s = 0.00025
 G_m_s2 = 9.81
+CENTRED = 0.3  # share of a servo's angle that a soft centre passes on
+BRIDGE_V = 0.1  # volts of the current within which a bridge's loss changes its sign
 
 
 class Servo(NamedTuple):
@@ -31,6 +33,7 @@ class Servo(NamedTuple):
     pendulum_V: np.ndarray  # V - pendulum sin(theta)
     spring_V_rad: np.ndarray  # V - spring max(theta - from, 0)
     spring_from_rad: np.ndarray
+    bridge_V: np.ndarray  # lost against the sign of the motor's current, V - omega / K
     gear_rad: np.ndarray  # full width between motor and encoder
     coast_1_s: np.ndarray  # the arm's own damping inside the gear's gap
     coast_rad_s2: np.ndarray  # and its dry deceleration
@@ -58,6 +61,7 @@ class Ball(NamedTuple):
     restitution: float
     swing_hz: float  # at which an elastic plate swings behind its servos; 0: it is rigid
     swing_damping: float
+    centred_rad: float  # within +- of it the plate turns by CENTRED of the servo; 0: rigid
 
 
 @njit(cache=True)
@@ -71,6 +75,7 @@ def speed_after(omega, theta, V, lead, p, i, h):
     u -= p.pendulum_V[i] * math.sin(theta) + p.drag_V_s[i] * abs(omega)
     u -= p.spring_V_rad[i] * max(theta - p.spring_from_rad[i], 0.0)
     level = p.friction_V[i] + p.extra_V[i] * math.exp(-((omega / p.extra_speed_rad_s[i]) ** 2))
+    u -= p.bridge_V[i] * math.tanh((V - omega / p.gain_rad_s_V[i]) / BRIDGE_V)
     decay = math.exp(-h / p.tau_s[i])
     reach = (1.0 - decay) * p.gain_rad_s_V[i]
     if p.softness_rad_s[i] > 0.0:
@@ -112,7 +117,8 @@ def servo_step(shaft, V, place, p, i, h):
 
 @njit(cache=True)
 def tilt_rad(theta, b):
-    """phi with sin(phi) = 2 R_d sin(theta) / L."""
+    """phi with sin(phi) = 2 R_d sin(theta) / L, theta less what a soft centre swallows."""
+    theta -= (1.0 - CENTRED) * min(max(theta, -b.centred_rad), b.centred_rad)
     return math.asin(2.0 * b.arm_m / b.side_m * math.sin(theta))
 
 

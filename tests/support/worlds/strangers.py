@@ -62,6 +62,19 @@ def twisting_plate(seed: int) -> World:
     return unknown(table_log(rng, {}, swing, {}))
 
 
+def centred_play(seed: int) -> World:
+    """A spring holds the joints in the middle of their play of 12 to 25 mrad either way: there the
+    plate turns by a third of its servo's angle."""
+    rng = np.random.default_rng(seed)
+    return unknown(table_log(rng, {}, {"centred_rad": rng.uniform(0.012, 0.025)}, {}))
+
+
+def losing_bridge(seed: int) -> World:
+    """The bridge loses 0.1 to 0.25 V against the sign of the motor's current."""
+    rng = np.random.default_rng(seed)
+    return unknown(table_log(rng, {"bridge_V": rng.uniform(0.1, 0.25, 2)}, {}, {}))
+
+
 def fan(seed: int) -> World:
     """Gusts of 0.12 m/s2 towards +x and +y/2, one to three seconds long, a third of the time."""
     rng = np.random.default_rng(seed)
