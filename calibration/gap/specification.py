@@ -96,9 +96,7 @@ def predictable(state: State, output: str) -> float:
     return float(falls.sum()) if is_certain(falls) else 0.0
 
 
-def part_of_what_is_left(
-    one: Accepted, outputs: Collection[str], left: UnnamedTerm | None
-) -> str:
+def part_of_what_is_left(one: Accepted, outputs: Collection[str], left: UnnamedTerm | None) -> str:
     """Why a name on these outputs cannot be certain beside what is left without a name there, in
     words; "" if it can: a constant beside what depends on the place, dry friction or a dead zone
     beside what depends on speed."""
@@ -145,23 +143,22 @@ def weaker_at_centre(
     `spread`: of the parameters' sizes.
 
     With a phase of pi, A sin(n theta + pi) = -A n theta near level. The teeth of a wheel do not
-    know where level is: an interval of +-w about pi has chance w/pi on an axis. Where the product
-    of these over the axes is at most 1 in CHANCE_ONE_IN, the plate follows less about its centre,
-    as in a play that a spring centres. Where one is not as sure, but a rolling resistance is named
-    beside it, the ball is held at rest by more than it resists while it rolls, as by felt, hair or
-    a dent.
+    know where level is: within w of pi, the farther end of an interval, a phase is with chance
+    w/pi. Where the product of these over the axes is at most 1 in CHANCE_ONE_IN, the plate follows
+    less about its centre, as in a play that a spring centres. Where one is not as sure, but a
+    rolling resistance is named beside it, the ball is held at rest by more than it resists while it
+    rolls, as by felt, hair or a dent.
     """
     if one.name != RIPPLE:
         return ""
-    chance = 1.0
+    chance, at_pi = 1.0, True
     for axis in one.axes:
         along, across = state.nominal.of(one.name, axis)[:2]  # A cos(phase), A sin(phase)
         size = state.fit.setting[along.name]
         aside = interval(state.fit.setting[across.name], spread.get(across.name, FIXED))
-        if size >= 0.0 or not aside.low <= 0.0 <= aside.high:
-            return ""
         chance *= np.arctan2(max(-aside.low, aside.high), -size) / np.pi
-    if RESISTANCE in (other.name for other in accepted):
+        at_pi &= size < 0.0 and aside.low <= 0.0 <= aside.high
+    if at_pi and RESISTANCE in (other.name for other in accepted):
         return (
             "beside rolling resistance it takes away the tilt of a ball at rest, which may be held "
             "by more than that: felt, hair, a dent"

@@ -6,16 +6,17 @@ coasts through the gap of the gears, and one in which it stays where the teeth l
 quarter of an encoder count through which the arm coasts already delays a servo by a millisecond or
 two. Which of them is right shows beside the effects that act: naming begins with the one that costs
 least where the motors have the Coulomb friction that fits best, and what was selected is then
-fitted to the others. Where one of them costs less, effects are selected anew beside it
-(`calibration.gap.name.stepwise`).
+fitted to the others. Where one of them costs less, or the ball shows a joint's play that loaded
+motors deny, effects are selected anew beside it (`calibration.gap.name.stepwise`).
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 from calibration.gap.decision_rule import (
     CREEP_QUANTILE,
     CREEP_SPEED_SHARE,
+    NAME_THRESHOLD,
     PENALTY_PER_PARAMETER,
 )
 from calibration.gap.model.data import Evidence
@@ -23,9 +24,10 @@ from calibration.gap.model.fit import evaluate
 from calibration.gap.model.parameters import COAST_KEY, SERVO, NominalModel
 from calibration.gap.model.state import State, baseline, refit
 from calibration.gap.name.candidates import fastest
+from calibration.gap.name.screen import Screened
 from rig.parameters import Rig
 
-FRICTION = "coulomb_friction"
+FRICTION, JOINT = "coulomb_friction", "joint_backlash"
 
 
 def choose_friction_model(
@@ -72,6 +74,21 @@ def better_friction_model(state: State) -> NominalModel | None:
     ]
     least, best = min(costs, key=lambda pair: pair[0], default=(own, None))
     return best if least < own else None
+
+
+def unloaded_model(state: State, screened: Iterable[Screened]) -> NominalModel | None:
+    """The nominal model of held arms without load, where motors are loaded by a joint whose play
+    the ball shows in the screen of a state and that is not named; None elsewhere.
+
+    The servos may deny such a play only as they do not feel the friction in it that the rig file
+    has, by which a motor would be loaded on a flank alone.
+    """
+    nominal = state.nominal
+    named = any(name == JOINT for name, _ in state.named)
+    shown = any(one.name == JOINT and one.gain >= NAME_THRESHOLD for one in screened)
+    if named or not (shown and nominal.load_friction):
+        return None
+    return friction_models(nominal.rig, nominal.given_tolerances)[-1]
 
 
 def _cost_with_same(state: State, other: NominalModel, outputs: tuple[str, ...]) -> float:

@@ -5,9 +5,10 @@ reaches its threshold. An effect is fitted with its inner shape (period, Stribec
 and the noise levels are estimated anew before another may enter.
 
 Where the servos then cost less with the other model of the load's friction
-(`calibration.gap.name.load_friction`), effects are selected beside that one, too, and those are
-kept that cost less at the same noise. The same goes for what is selected from the law of a drive
-(`calibration.gap.name.drive_law`) where a servo got two names.
+(`calibration.gap.name.load_friction`), or the ball shows a joint's play that loaded motors deny,
+effects are selected beside that one, too, and those are kept that cost less at the same noise. The
+same goes for what is selected from the law of a drive (`calibration.gap.name.drive_law`) where a
+servo got two names.
 
 Backward: each accepted effect is removed and its RIVALS_REFITTED strongest alternatives are
 refitted at the final noise levels. It is dropped if its score falls below NAME_THRESHOLD, replaced
@@ -46,7 +47,7 @@ from calibration.gap.model.state import (
     with_levels,
 )
 from calibration.gap.name.drive_law import begun_with_law
-from calibration.gap.name.load_friction import better_friction_model
+from calibration.gap.name.load_friction import better_friction_model, unloaded_model
 from calibration.gap.name.naming_steps import NamingStep, Tell, untold
 from calibration.gap.name.refit import CandidateFit, rank
 from calibration.gap.name.screen import Screened, Screens, screen
@@ -124,7 +125,10 @@ def name_effects(state: State, barred: Collection[str] = (), tell: Tell = untold
     elimination; the effects `barred` are not tried."""
     skip = [(name, axis) for name in barred for axis in state.nominal.catalogue[name].axes]
     chosen = _selected(state, skip, tell)
-    other = None if chosen.has_law else better_friction_model(chosen.state)
+    other = None
+    if not chosen.has_law:
+        found, screened = chosen.state, chosen.screened
+        other = better_friction_model(found) or unloaded_model(found, screened)
     if other is not None:
         begun = settled_baseline(state.evidence, other)
         again = _selected(begun, skip, tell)

@@ -334,6 +334,8 @@ def test_a_motor_that_is_later_and_faster_at_once_answers_otherwise(
         ((3.1, -3.1), 0.001, "viscous_drag", True),
         ((3.1, 0.0), 0.001, "viscous_drag", False),
         ((0.0, 0.0), 0.001, "viscous_drag", False),
+        ((2.95, 3.1), 0.001, "viscous_drag", True),  # not known to be pi, but too near to it
+        ((2.4, 3.1), 0.001, "viscous_drag", False),
         ((3.1, 3.1), 0.006, "viscous_drag", False),  # the phases are hardly known
     ],
 )
