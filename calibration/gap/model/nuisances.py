@@ -1,9 +1,10 @@
 """What every servo has a value of its own of: always fitted, and no effect.
 
-Of a servo that takes an angle and reads it back: the lag with which its motor takes up speed, and
-the share of it that the rig file tells as dead time. They change the shape of the answer, not how
-late it is. Of one that takes volts: the share of the ball's weight that turns its motor, which is
-none behind a worm gear.
+Of a servo that takes an angle and reads it back: the lag M with which its motor takes up speed, and
+the share of min(M, dead time) that the rig file tells as dead time and is lag (of M alone, shares
+beyond the dead time would be one model, and no fit comes away from there). They change the shape of
+the answer, not how late it is. Of one that takes volts: the share of the ball's weight that turns
+its motor, which is none behind a worm gear.
 """
 
 from __future__ import annotations
@@ -30,13 +31,12 @@ def nuisances(rig: Rig) -> Iterator[tuple[str, str, float, float]]:
 
 
 def write(numbers: memoryview[float], places: Places, a: int, given: Mapping[str, float]) -> None:
-    """Write the nuisances `given` (key -> value) of axis `a` into a record's numbers. What the rig
-    file tells of a motor's lag as dead time is lag."""
+    """Write the nuisances `given` (key -> value) of axis `a` into a record's numbers."""
     if LOAD_KEY in given:
         numbers[places["felt_weight"][a]] *= given[LOAD_KEY]
     if MOTOR_KEY in given:
         lag, dead, motor = (places[k][a] for k in ("lag_s", "dead_time_s", MOTOR_KEY))
         numbers[motor] = given[MOTOR_KEY]
-        moved_s = min(given.get(SHARE_KEY, 0.0) * given[MOTOR_KEY], numbers[dead])
+        moved_s = given.get(SHARE_KEY, 0.0) * min(given[MOTOR_KEY], numbers[dead])
         numbers[lag] += moved_s
         numbers[dead] -= moved_s

@@ -102,8 +102,9 @@ def test_gain_and_time_constant_belong_to_their_axis():
     assert_same(model.record, pack(without_load(RIG)))
 
 
-@pytest.mark.parametrize(("told_s", "moved_s"), [(0.02, 0.009), (0.005, 0.005)])
+@pytest.mark.parametrize(("told_s", "moved_s"), [(0.02, 0.009), (0.008, 0.006)])
 def test_of_a_motors_lag_what_the_file_tells_as_dead_time_is_lag(told_s: float, moved_s: float):
+    """Of what both hold: a larger share would move no more, and a fit would stay where it is."""
     servo = Servo(kind="position", angle_measured=True, lag_s=0.04, dead_time_s=told_s)
     nominal = NominalModel(replace(RIG, servo=servo), load_friction=False)
     model = nominal.model({".motor_lag_s.y": 0.012, ".as_dead_time_1.y": 0.75})
