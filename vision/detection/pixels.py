@@ -148,6 +148,26 @@ def relief(image, u, v, radius):
 
 
 @kernel
+def unevenness(image, u, v, radius):
+    """How much the brightness in a disc spreads about its median, share of that: 1.4826 times the
+    median absolute deviation over the inner 0.8 of the disc, so that what covers less than half of
+    it hardly enters; infinite where there are too few pixels."""
+    h, wd, _ = image.shape
+    reach, step = 0.8 * radius, max(1, int(radius / 10.0))
+    light = np.empty((int(2.0 * reach / step) + 3) ** 2)
+    n = 0
+    for i in range(max(0, int(v - reach)), min(h, int(v + reach) + 2), step):
+        for j in range(max(0, int(u - reach)), min(wd, int(u + reach) + 2), step):
+            if (i - v) ** 2 + (j - u) ** 2 <= reach * reach:
+                light[n] = (float(image[i, j, 0]) + image[i, j, 1] + image[i, j, 2]) / 3.0
+                n += 1
+    if n < 8:
+        return np.inf
+    middle = np.median(light[:n])
+    return 1.4826 * np.median(np.abs(light[:n] - middle)) / max(middle, 1.0)
+
+
+@kernel
 def company(image, u, v, r_in, r_out, surround, direction):
     """Share (0..1) of the pixels at distances r_in <= r < r_out px from (u, v) that look more like
     the disc than like its `surround` (3,), along `direction` (3,) of `fisher`: what half of the

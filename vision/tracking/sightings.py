@@ -12,7 +12,7 @@ from vision.detection.appearance import NOISE_FLOOR, Appearance
 from vision.detection.detector import RAYS_SHARE, Detection
 from vision.detection.hough_circles import Circle, circles_of_any_size
 from vision.detection.outline import FLAT_STD, rays_of
-from vision.detection.pixels import company, relief, turn_steps
+from vision.detection.pixels import company, relief, turn_steps, unevenness
 from vision.detection.streaks_and_mirrors import locate_shrunk, mirror_silhouette
 from vision.tracking.gate import is_plausible, outline_significance
 
@@ -46,7 +46,8 @@ class Sighting:
     ball but not a flat mark or coin (down to `FLAT`, which is `flat`). `round` tells a ball at rest
     from a disc that is seen aslant, which is flattened: 1 for a circle, towards 0. `company` is the
     share of what lies about it, up to three radii, that has its colour on half of its turn.
-    `settled`: its `home`, where that is known.
+    `uneven`: how much the brightness of most of it spreads, see `pixels.unevenness`. `settled`: its
+    `home`, where that is known.
     """
 
     seen: Detection
@@ -56,6 +57,7 @@ class Sighting:
     flat: bool = False
     round: float = 1.0
     company: float = 0.0
+    uneven: float = math.inf
     settled: tuple[float, float] | None = None
 
     @property
@@ -147,7 +149,9 @@ def sight(
     solid = relief(image, found.u_px, found.v_px, found.radius_px) / RELIEF
     likely = (1.0 - 0.5 * off**2) * min(max(solid, FLAT), 1.0) * (FAINT if faint else 1.0)
     alike = _company(image, found, appearance)
-    return Sighting(found, appearance, evidence, likely, solid <= FLAT, _roundness(found), alike)
+    uneven = unevenness(image, found.u_px, found.v_px, found.radius_px)
+    flat, roundness = solid <= FLAT, _roundness(found)
+    return Sighting(found, appearance, evidence, likely, flat, roundness, alike, float(uneven))
 
 
 def _roundness(found: Detection) -> float:

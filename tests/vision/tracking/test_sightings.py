@@ -7,9 +7,9 @@ import pytest
 from tests.support.footage import disc, exposed
 from vision.detection.appearance import NOISE_FLOOR, Appearance
 from vision.detection.hough_circles import circles_of_any_size
-from vision.detection.pixels import turn_steps
+from vision.detection.pixels import turn_steps, unevenness
 from vision.tracking.sightings import FAINT, LEAST_STEP, bounds_of, round_things, sight
-from vision.tracking.things import PATTERN
+from vision.tracking.things import EVEN, PATTERN
 
 
 def seen(image):
@@ -106,3 +106,16 @@ def test_a_shadow_on_one_side_is_no_company():
     ball = sight(image, 130.0, 100.0, 14.0, bounds_of(image, None))
     assert ball is not None
     assert ball.company < 0.01
+
+
+@pytest.mark.parametrize("radius", [8.0, 18.0, 40.0])
+def test_a_shadow_that_its_ball_covers_in_part_is_even_and_a_black_ball_is_not(radius):
+    """The ball, white on a pale plate, hides a third of the shadow."""
+    image = np.full((240, 320, 3), 200.0, np.float32)
+    disc(image, (90.0, 120.0 + 1.1 * radius), radius, np.full(3, 135.0))
+    disc(image, (90.0, 120.0), radius, np.full(3, 200.0), shade=0.3)
+    disc(image, (230.0, 120.0), radius, np.full(3, 60.0), shade=0.3)
+    image = exposed(image, 2.0, np.random.default_rng(1))
+    assert unevenness(image, 90.0, 120.0 + 1.1 * radius, radius) < EVEN
+    assert unevenness(image, 230.0, 120.0, radius) > 1.5 * EVEN
+    assert unevenness(image, -50.0, 120.0, radius) == np.inf

@@ -11,11 +11,11 @@ from vision.tracking.things import Things
 REACH = 0.03 * 640
 
 
-def sighting(u, v, radius=12.0, *, bgr=(30.0, 110.0, 230.0), evidence=1.5, company=0.0):
+def sighting(u, v, radius=12.0, *, bgr=(30.0, 110.0, 230.0), evidence=1.5, company=0.0, uneven=0.2):
     seen = Detection(u, v, radius, 0.1, 1.0, 1.0, 1.0, 0.1, 0.0, 0.0)
     plate, none = np.full(3, 200.0), np.zeros(3)
     look = Appearance(np.array(bgr), plate, none, 9.0, np.zeros(1, np.uint8), 0.0, learned=True)
-    return Sighting(seen, look, evidence, company=company)
+    return Sighting(seen, look, evidence, company=company, uneven=uneven)
 
 
 def watched(*paths, looks=10):
@@ -130,6 +130,19 @@ def test_a_black_ball_is_no_shadow_and_neither_is_a_still_dark_mark():
     mark = lambda k: sighting(240, 225, 14, bgr=SHADE)  # noqa: E731
     things = watched(ball, shadow, mark)
     assert not any(things.is_part(t, REACH) for t in things.all)
+
+
+@pytest.mark.parametrize("step", [0.0, 15.0])
+def test_an_even_darker_copy_of_its_surround_is_a_shadow_though_no_ball_is_seen(step):
+    shades = {"shadow": (SHADE, 0.02), "steel": (SHADE, 0.2), "tinted": ((30, 110, 230), 0.02)}
+    told = {}
+    for name, (bgr, uneven) in shades.items():
+        path = lambda k, bgr=bgr, uneven=uneven: sighting(  # noqa: E731
+            200 + step * k, 200, bgr=bgr, uneven=uneven
+        )
+        things = watched(path)
+        told[name] = things.may_be_ball(things.all[0], REACH)
+    assert told == {"shadow": False, "steel": True, "tinted": True}
 
 
 def test_a_highlight_that_moves_with_a_shadow_belongs_to_a_ball_that_is_not_seen():
