@@ -36,9 +36,11 @@ LARGER, FIXED = 1.4, 0.3  # ratio of radii; share of the larger radius that a pa
 # far (sum of the radii) it lies from what moves with it; sway, share of their common way.
 SHADED, TINTED, AWAY, RIGID = 0.9, 0.2, 2.0, 0.4
 # Unevenness (`pixels.unevenness`) below which what is a darker copy of its surround is a shadow: in
-# 11 films of two generated worlds cast shadows have .02 to .03 where the ball covers less than half
-# of them, balls of black and steel .07 and more.
-EVEN = 0.05
+# 12 films of two generated worlds shadows have .02 to .03, smaller than 7 px or half covered by
+# their ball up to .3 (and are not told), balls of black and steel .07 and more. A black ball in
+# even light is darker than a shadow, which the room's light reaches: of the light beside them
+# shadows keep .56 to .81, black balls .13 to .30; a third, where a lamp is twice as bright as that.
+EVEN, UMBRA = 0.05, 1.0 / 3.0
 # Travel beyond which more says nothing: marks on a plate that tilts by 10 degrees reach 2 to 3, and
 # leaves and hands come farther than a ball.
 FARTHEST = 3.0
@@ -92,20 +94,23 @@ class Thing:
         return self.last.seen.framed < 1.0
 
     @property
+    def share(self) -> np.ndarray:
+        """What it usually has of the light beside it, (3,) by colour channels."""
+        looks = [s.appearance for s in self.sightings]
+        return np.median([(x.ball_bgr + 1.0) / (x.surround_bgr + 1.0) for x in looks], 0)
+
+    @property
     def shadowy(self) -> bool:
         """Whether it is what lies beside it, darker: as a shadow, or a black ball, is."""
-        shares = [
-            (s.appearance.ball_bgr + 1.0) / (s.appearance.surround_bgr + 1.0)
-            for s in self.sightings
-        ]
-        share = np.median(shares, 0)
+        share = self.share
         return bool(share.max() < SHADED and np.ptp(share) < TINTED)
 
     @property
     def is_shadow(self) -> bool:
-        """Whether it is what lies beside it, darker, and even: light shades a black ball, and steel
-        mirrors a room."""
-        return self.shadowy and float(np.median([s.uneven for s in self.sightings])) < EVEN
+        """Whether it is what lies beside it, darker, and even: light shades a ball, and steel
+        mirrors a room; a ball that neither is seen of is black, darker than a shadow."""
+        even = float(np.median([s.uneven for s in self.sightings])) < EVEN
+        return even and self.shadowy and float(self.share.min()) > UMBRA
 
     @property
     def round(self) -> float:

@@ -135,6 +135,7 @@ def test_a_black_ball_is_no_shadow_and_neither_is_a_still_dark_mark():
 @pytest.mark.parametrize("step", [0.0, 15.0])
 def test_an_even_darker_copy_of_its_surround_is_a_shadow_though_no_ball_is_seen(step):
     shades = {"shadow": (SHADE, 0.02), "steel": (SHADE, 0.2), "tinted": ((30, 110, 230), 0.02)}
+    shades["black"] = (20.0, 20.0, 20.0), 0.02
     told = {}
     for name, (bgr, uneven) in shades.items():
         path = lambda k, bgr=bgr, uneven=uneven: sighting(  # noqa: E731
@@ -142,7 +143,7 @@ def test_an_even_darker_copy_of_its_surround_is_a_shadow_though_no_ball_is_seen(
         )
         things = watched(path)
         told[name] = things.may_be_ball(things.all[0], REACH)
-    assert told == {"shadow": False, "steel": True, "tinted": True}
+    assert told == {"shadow": False, "steel": True, "tinted": True, "black": True}
 
 
 def test_a_highlight_that_moves_with_a_shadow_belongs_to_a_ball_that_is_not_seen():
