@@ -23,6 +23,7 @@ from calibration.camera.prints import sheet_files
 from calibration.camera.sheet import CalibrationError, Sheet, SheetView
 from calibration.camera.virtual import sheet_pictures
 from calibration.records import MarkersRecord
+from experiments.calibrate.filmed import files_of
 from experiments.calibrate.folder import CalibrationFolder, Source
 from experiments.calibrate.pictures import camera_figure, coverage_picture, plate_picture
 from experiments.calibrate.views import ViewPicker, pick
@@ -122,7 +123,7 @@ def calibrate_camera(
     ]
     folder.keep(
         "lens",
-        data=_data(source),
+        data=files_of(source),
         pictures=pictures,
         warnings=lens.warnings,
         lens=lens_record(lens),
@@ -162,10 +163,6 @@ def _kind(source: str | None) -> Source:
         return "simulated"
     check_address(source)
     return "measured"
-
-
-def _data(source: str | None) -> list[Path]:
-    return [Path(source)] if source is not None and Path(source).exists() else []
 
 
 def _virtual_shots(rig: Rig, sheet: Sheet, seed: int) -> Iterator[np.ndarray]:
@@ -260,7 +257,7 @@ def calibrate_table(
         )
     folder.keep(
         "plate",
-        data=[*_data(source), *([layout_file] if layout_file else [])],
+        data=[*files_of(source), *([layout_file] if layout_file else [])],
         pictures=[picture],
         warnings=notes if source is not None else (),
         plate=plate_record(pose, side_m),

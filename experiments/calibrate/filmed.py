@@ -2,17 +2,19 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 import numpy as np
 
 from calibration.bundle import load
-from calibration.motion.timing import TiltRecorder
+from calibration.motion.timing import TiltRecorder, Wiggle
 from experiments.calibrate.folder import FILE, CalibrationFolder
+from experiments.own_camera import opened, with_camera
 from experiments.runs.assemble import virtual_renderer
+from rig.foreign_trial import Tells
 from rig.parameters import Rig
 from rig.simulation.rendered_camera import RenderedPlateCamera
 from rig.simulation.simulator import SimulatedTable
-from vision.sources.sources import open_source
 
 
 def has_plate(folder: CalibrationFolder) -> bool:
@@ -31,14 +33,26 @@ def tilt_recorder(folder: CalibrationFolder) -> TiltRecorder:
     return TiltRecorder(bundle.view, bundle.layout)
 
 
-def tilt_in_film(video: str, folder: CalibrationFolder) -> TiltRecorder:
-    """The tilts in all frames of a video. ValueError, OSError: as of `tilt_recorder`, or the video
-    cannot be read."""
-    tilt = tilt_recorder(folder)
-    with open_source(video) as frames:
-        for frame in frames:
-            tilt.add(frame)
-    return tilt
+def files_of(source: str | None) -> list[Path]:
+    """The file or folder that frames come from; none of a camera."""
+    return [Path(source)] if source is not None and Path(source).exists() else []
+
+
+def filmed_motion(
+    video: str, folder: CalibrationFolder, t_s: np.ndarray, angle_rad: np.ndarray
+) -> Wiggle:
+    """The angles (n, 2) of a recorded motion at `t_s` (n,), and the tilts in all frames of its
+    video, stamped on the motion's clock. ValueError, OSError: as of `tilt_recorder`, or the video
+    cannot be read; UserCameraError: as of `with_camera`."""
+
+    def seen(tells: Tells) -> Wiggle:
+        tilt = tilt_recorder(folder)
+        with opened(video, tells) as frames:
+            for frame in frames:
+                tilt.add(frame)
+        return tilt.wiggle(t_s, angle_rad)
+
+    return with_camera(video, seen)
 
 
 @contextmanager

@@ -13,7 +13,7 @@ from calibration.motion.manoeuvres import Trace, perform, wiggle
 from calibration.motion.rolling import Rolling, rolling
 from calibration.motion.servo import calibrate_servos
 from calibration.motion.timing import Wiggle, camera_delay
-from experiments.calibrate.filmed import tilt_in_film, virtual_film
+from experiments.calibrate.filmed import filmed_motion, files_of, virtual_film
 from experiments.calibrate.folder import (
     CalibrationFolder,
     with_level,
@@ -167,9 +167,7 @@ def calibrate_time(
         else:
             wiggled = _filmed(given.log, str(video), folder)
         record = camera_delay(wiggled, believed)
-        data = [path for path in (run, Path(video) if video else None) if path is not None]
-        if run is None:
-            data = [_write_wiggle(wiggled, folder.path)]
+        data = [run, *files_of(video)] if run else [_write_wiggle(wiggled, folder.path)]
         picture = time_figure(
             wiggled, record, believed, folder.path / "time.png", folder.draft.source
         )
@@ -207,7 +205,7 @@ def _filmed(log: Log, video: str, folder: CalibrationFolder) -> Wiggle:
     if not log.has("theta_x_rad", "theta_y_rad"):
         raise ValueError("the run lacks servo angles: both are needed for the camera's delay")
     theta = np.column_stack((log["theta_x_rad"], log["theta_y_rad"]))
-    return tilt_in_film(video, folder).wiggle(log["t_s"], theta)
+    return filmed_motion(video, folder, log["t_s"], theta)
 
 
 def _write_wiggle(wiggled: Wiggle, folder: Path) -> Path:

@@ -22,7 +22,7 @@ from calibration.motion.rolling import DRAG_1_S, rolling
 from calibration.motion.timing import Wiggle
 from calibration.records import PositionServoAxis, PositionServoRecord, Value
 from experiments.calibrate.answer_picture import answer_figure
-from experiments.calibrate.filmed import has_plate, tilt_in_film, virtual_film
+from experiments.calibrate.filmed import filmed_motion, files_of, has_plate, virtual_film
 from experiments.calibrate.folder import RIG_FILE, CalibrationFolder, with_position_servo
 from experiments.calibrate.given import Given, led_in_steps, read_all, source_of, write_csv
 from experiments.calibrate.pictures import angle_figure
@@ -77,9 +77,9 @@ def calibrate_position_servo(
     if video is not None:
         if len(logs) != 1:
             raise ValueError(f"--video: name the one run whose frames these are, not {len(logs)}")
-        shown = tilt_in_film(video, folder).wiggle(logs[0]["t_s"], _told(logs[0]))
+        shown = filmed_motion(video, folder, logs[0]["t_s"], _told(logs[0]))
         followed = replace(followed_by_plate(shown, believed), in_phase=_in_phase(given))
-        found = _by_plate(followed, believed, [*runs, Path(video)], folder)
+        found = _by_plate(followed, believed, [*runs, *files_of(video)], folder)
     elif by_angle:
         found = _by_angle(rig, believed, given, runs, folder, seed)
     elif not logs and has_plate(folder):
