@@ -117,10 +117,13 @@ class UserFeed(Feed):
                     self._closing = "__exit__"
                     reading = self._camera if given is None else given
                 break
-        self._read = self._method(reading, "read")
-        if not callable(self._read):
+        try:
+            self._read = self._method(reading, "read")
+            if not callable(self._read):
+                raise UserCameraError(f"{self._address}: the class needs a method read()")
+        except BaseException:
             self.close()
-            raise UserCameraError(f"{self._address}: the class needs a method read()")
+            raise
 
     def _call(self, what: str, method: Callable[..., Any], *args: Any) -> Any:
         """What a method of the class returns. Threads that it starts, as a maker's library does, do

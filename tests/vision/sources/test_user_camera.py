@@ -195,6 +195,18 @@ def test_a_process_that_it_forked_does_not_go_on_reading_the_camera(tmp_path):
     assert {int(one) > 0 for one in children.read_text().split()} == {True, False}
 
 
+def test_a_class_whose_read_cannot_be_looked_up_is_closed(tmp_path, capfd):
+    text = reading("return None").replace("  def read(self):", "  @property\n  def read(self):")
+    text = text.replace("return None", "raise RuntimeError('not now')")
+    text += "\n  def close(self): print('closed', flush=True)"
+    with (
+        pytest.raises(UserCameraError, match="read: RuntimeError: not now"),
+        open_source(write(tmp_path, text)),
+    ):
+        pass
+    assert capfd.readouterr().out == "closed\n"
+
+
 def test_an_error_in_close_is_named_at_the_end(tmp_path):
     text = reading("return None if self.__dict__ else (self.__dict__.update(a=1), 1)")
     text += "\n  def close(self): raise RuntimeError('stuck')"
