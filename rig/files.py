@@ -264,7 +264,7 @@ def write_whole(
     where it is there. OSError: the old file stays.
     """
     part, mode = part_of(path), "xb"
-    if room is not None and freed(room).exists():
+    if room is not None and freed(room).is_file():
         part, mode = room, "r+b"
     try:
         with naming(path):
@@ -332,6 +332,7 @@ def freed(path: Path) -> Path:
     """
     with suppress(FileNotFoundError):
         about = path.lstat()
-        if not (stat.S_ISREG(about.st_mode) and about.st_nlink == 1):
+        ours = stat.S_ISDIR(about.st_mode) or (stat.S_ISREG(about.st_mode) and about.st_nlink == 1)
+        if not ours:
             path.unlink()
     return path

@@ -139,6 +139,14 @@ def test_a_pipe_in_the_place_of_what_is_about_to_be_written_is_removed(tmp_path:
     assert read_meta(folder)["rejected"] == "why"
 
 
+def test_a_folder_in_the_place_of_what_is_about_to_be_written_stays(tmp_path: Path):
+    folder = recorded(tmp_path / "1")
+    (folder / "run.json.part").mkdir()
+    reject(folder, "why")
+    assert read_meta(folder)["rejected"] == "why"
+    assert (folder / "run.json.part").is_dir()
+
+
 def test_a_folder_is_tried_by_no_name_that_somebody_may_have_taken(tmp_path: Path):
     """`--out` in a folder of a stranger: what ".probe" led to was overwritten."""
     outside, folder = tmp_path / "outside", tmp_path / "folder"
