@@ -122,7 +122,8 @@ def stop_record(
     return plain({**start, **stop})
 
 
-FIRST_YEAR, LAST_YEAR = 1970, 2262  # in ns since 1970 the latter is the last of 63 bits
+EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+LAST = datetime(2262, 1, 1, tzinfo=UTC)  # in ns since 1970 its year is the last of 63 bits
 
 
 def nanoseconds(created: str) -> int:
@@ -132,9 +133,9 @@ def nanoseconds(created: str) -> int:
     time = datetime.fromisoformat(created)
     if time.tzinfo is None:
         raise ValueError(f"created: {created} has no time zone; write it like 2026-11-20T10:15:02Z")
-    if not FIRST_YEAR < time.year < LAST_YEAR:
-        raise ValueError(f"created: {created} is not after {FIRST_YEAR} and before {LAST_YEAR}")
-    return (time - datetime(1970, 1, 1, tzinfo=UTC)) // timedelta(microseconds=1) * 1000
+    if not EPOCH <= time < LAST:
+        raise ValueError(f"created: {created} is not from {EPOCH.year} on and before {LAST.year}")
+    return (time - EPOCH) // timedelta(microseconds=1) * 1000
 
 
 @cache

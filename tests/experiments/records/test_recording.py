@@ -209,13 +209,20 @@ def test_a_second_run_in_a_folder_is_refused(tmp_path):
         ({"source": "dreamt"}, "dreamt"),
         ({"source": "measured", "created": "2026-11-20T10:15:02"}, "time zone"),
         ({"source": "measured", "created": "2300-01-01T00:00:00Z"}, "before 2262"),
-        ({"source": "measured", "created": "1600-01-01T00:00:00Z"}, "after 1970"),
+        ({"source": "measured", "created": "1970-01-01T01:00:00+02:00"}, "from 1970"),
+        ({"source": "measured", "created": "1600-01-01T00:00:00Z"}, "from 1970"),
     ],
 )
 def test_a_bad_start_record_is_refused(tmp_path, start, words):
     with pytest.raises(ValueError, match=words):
         Recorder(tmp_path / "run", start)
     assert not (tmp_path / "run").exists()
+
+
+def test_a_clock_that_was_never_set_keeps_no_run_from_being_recorded(tmp_path):
+    start = START | {"created": "1970-01-01T00:00:07Z"}
+    write_run(tmp_path, start, Log.from_rows(example()))
+    assert_rows(read_run(tmp_path).log, example())
 
 
 def test_bad_rows_are_refused_and_leave_no_trace(tmp_path):
