@@ -13,7 +13,7 @@ from calibration.motion.manoeuvres import Trace, perform, wiggle
 from calibration.motion.rolling import Rolling, rolling
 from calibration.motion.servo import calibrate_servos
 from calibration.motion.timing import Wiggle, camera_delay
-from experiments.calibrate.filmed import filmed_motion, files_of, virtual_film
+from experiments.calibrate.filmed import files_of, filmed_motion, virtual_film
 from experiments.calibrate.folder import (
     CalibrationFolder,
     with_level,

@@ -22,7 +22,7 @@ from calibration.motion.rolling import DRAG_1_S, rolling
 from calibration.motion.timing import Wiggle
 from calibration.records import PositionServoAxis, PositionServoRecord, Value
 from experiments.calibrate.answer_picture import answer_figure
-from experiments.calibrate.filmed import filmed_motion, files_of, has_plate, virtual_film
+from experiments.calibrate.filmed import files_of, filmed_motion, has_plate, virtual_film
 from experiments.calibrate.folder import RIG_FILE, CalibrationFolder, with_position_servo
 from experiments.calibrate.given import Given, led_in_steps, read_all, source_of, write_csv
 from experiments.calibrate.pictures import angle_figure
