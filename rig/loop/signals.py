@@ -82,6 +82,7 @@ def leave_on_signals(say: Callable[[str], None]) -> Iterator[None]:
     (`rig.loop.unheard`).
     """
     _raised_s[0], is_told, timers = -math.inf, False, []
+    tell = _Teller(say)
 
     def handle(number: int, _: object) -> None:
         nonlocal is_told
@@ -91,8 +92,7 @@ def leave_on_signals(say: Callable[[str], None]) -> Iterator[None]:
             return
         _raised_s[0] = time.monotonic()
         if not is_told and number != signal.SIGINT:
-            with suppress(Exception):
-                say(f"ended by {signal.Signals(number).name}; what was recorded so far is kept")
+            tell(number)
         is_told = False
         when_compiled(leave_if_told)
 
@@ -107,7 +107,7 @@ def leave_on_signals(say: Callable[[str], None]) -> Iterator[None]:
     _handlers.append(handle)
     try:
         watched = ended_unheard(lambda: _heard_s[0], _handlers, say, _stop_slots)
-        with watched, _swallowed_in_silence(again):
+        with watched, _swallowed_in_silence(again), tell:
             yield
         leave_if_told()
     except Exception:  # code that wraps what it is left by: a pool, a lab's camera
@@ -122,6 +122,26 @@ def leave_on_signals(say: Callable[[str], None]) -> Iterator[None]:
         _leaving.clear()
         for number, handler in before.items():
             signal.signal(number, signal.SIG_DFL if handler is None else handler)
+
+
+class _Teller:
+    """Says by which signal the program ends; a context that says it, where nobody did, of what
+    leaves it by `end_by`: the handler of `stop_on_signals` tells nobody."""
+
+    def __init__(self, say: Callable[[str], None]) -> None:
+        self._say, self._told = say, False
+
+    def __call__(self, number: int) -> None:
+        self._told = True
+        with suppress(Exception):
+            self._say(f"ended by {signal.Signals(number).name}; what was recorded so far is kept")
+
+    def __enter__(self) -> None: ...
+
+    def __exit__(self, kind: object, error: BaseException | None, _: object) -> None:
+        code = error.code if isinstance(error, SystemExit) and stop_by(error) else None
+        if isinstance(code, int) and not self._told:
+            self(code - 128)
 
 
 @contextmanager

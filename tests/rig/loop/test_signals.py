@@ -57,6 +57,19 @@ def test_a_signal_that_comes_back_as_another_error_ends_the_program_as_that_sign
     assert left.value.code == 128 + signal.SIGTERM
 
 
+def test_a_signal_that_stopped_a_run_is_said_once():
+    """The handler of a run's stop told nobody: `rig run` ended without a word."""
+    said = []
+
+    def program() -> None:
+        with leave_on_signals(said.append), stop_on_signals(CommandSlot()):
+            signal.raise_signal(signal.SIGTERM)
+
+    with pytest.raises(SystemExit):
+        program()
+    assert said == ["ended by SIGTERM; what was recorded so far is kept"]
+
+
 def test_a_failure_stays_one_where_no_signal_came():
     leave_if_told()
     with pytest.raises(RuntimeError, match="its own"), leave_on_signals(print):
