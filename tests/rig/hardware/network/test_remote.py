@@ -5,6 +5,7 @@ import shutil
 import socket
 import threading
 import time
+from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
@@ -219,6 +220,48 @@ def test_a_flipped_bit_on_the_way_ends_the_connection_at_zero_volts(byte: int):
         table.close()
         time.sleep(0.7)
         assert one.table.volts_V == (0.0, 0.0)
+
+
+def attacks(armed: threading.Event, up: bool) -> dict[str, Callable[[bytes, bool], bytes]]:
+    """What a stranger within the link makes of the bytes that go one way, `up` to the server, from
+    when the table is armed."""
+    last = {True: b"", False: b""}
+
+    def attack(bad: Callable[[bytes], bytes]) -> Callable[[bytes, bool], bytes]:
+        def change(data: bytes, way: bool) -> bytes:
+            told = bad(data) if armed.is_set() and way == up else data
+            last[way] = data
+            return told
+
+        return change
+
+    return {
+        "repeated": attack(lambda data: data + data),
+        "old": attack(lambda data: last[up]),
+        "reflected": attack(lambda data: data + last[not up]),
+        "reordered": attack(lambda data: data + last[up]),
+        "dropped": attack(lambda data: b""),
+        "flooded": attack(lambda data: bytes(4000) + data),
+    }
+
+
+@pytest.mark.parametrize("up", [True, False], ids=["to the server", "to the user"])
+@pytest.mark.parametrize(
+    "kind", ["repeated", "old", "reflected", "reordered", "dropped", "flooded"]
+)
+def test_a_stranger_within_the_link_throws_no_arm_beyond_its_limit(kind: str, up: bool):
+    armed = threading.Event()
+    with served(CLEAN) as one, Cable(one.server.port) as cable:
+        cable.change = attacks(armed, up)[kind]
+        table = one.open(port=cable.port)
+        table.arm()
+        drive_for(table, 0.1, (6.0, -6.0))
+        armed.set()
+        with pytest.raises(LinkLost):
+            drive_for(table, 2.0, (6.0, -6.0))
+        table.close()
+        wait_for("0 V", lambda: one.table.volts_V == (0.0, 0.0), 2.0)
+        assert one.widest_rad() < Servo().angle_limit_rad + np.radians(0.5)
 
 
 def test_the_token_decides_and_never_travels():
