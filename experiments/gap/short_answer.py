@@ -82,7 +82,7 @@ def details(found: Findings, *, logs: int) -> list[str]:
         lines.append(f"These runs could not show: {names}{others}. The report says why.")
     if found.next_experiment is not None:
         n = found.next_experiment
-        lines.append(f"Next: run {n.protocol} ({sig(n.seconds)} s).")
+        lines.append(f"Next: run {n.protocol} ({n.seconds:g} s).")
     else:
         lines.append(f"Next: {NO_EXPERIMENT[found.verdict]}")
     return lines

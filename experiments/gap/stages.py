@@ -258,7 +258,7 @@ def next_stage(found: Findings, command: Callable[[str], str]) -> Section:
     )
     asked = read_protocol(plan.protocol).title
     text = (
-        f"Run the protocol {plan.protocol} ({sig(plan.seconds)} s on the rig): it separates {one} "
+        f"Run the protocol {plan.protocol} ({plan.seconds:g} s on the rig): it separates {one} "
         f"from {other} best.{expected} Where the protocol cannot be run, record the like of it: "
         f"{asked[:1].lower()}{asked[1:]}. Then give the new run to rig gap with these logs."
     )

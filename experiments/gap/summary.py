@@ -53,7 +53,7 @@ def summary_lines(found: Findings, *, recorded_here: bool = True, logs: int = 0)
         asked = f"rig run {n.protocol}"
         if not recorded_here:
             asked = f"a recording like the protocol {n.protocol}"
-        lines.append(_line("next", f"{asked} ({sig(n.seconds)} s) tells {told}"))
+        lines.append(_line("next", f"{asked} ({n.seconds:g} s) tells {told}"))
     lines += [_line("note", note) for note in found.notes[:NOTES_SHOWN]]
     if len(found.notes) > NOTES_SHOWN:
         lines.append(_line("note", f"{len(found.notes) - NOTES_SHOWN} more in the report"))

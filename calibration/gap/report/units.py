@@ -22,15 +22,18 @@ _SHOWN = {
 
 
 def sig(value: float | None, digits: int = 3) -> str:
-    """`value` with `digits` significant figures; "-" for None, NaN or infinity.
+    """`value` with `digits` significant figures, zeros at their end, too; "-" for None, NaN or
+    infinity.
 
     Numbers below 1e-4 have two figures and an exponent.
     """
     if value is None or not isfinite(value):
         return "-"
-    if value and abs(value) < 1e-4:
+    if value == 0:
+        return "0"
+    if abs(value) < 1e-4:
         return f"{value:.1e}"
-    text = f"{value:.{digits}g}"
+    text = f"{value:#.{digits}g}".removesuffix(".")
     return f"{float(text):.0f}" if "e" in text else text
 
 

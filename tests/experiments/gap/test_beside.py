@@ -110,7 +110,7 @@ def test_nothing_is_called_sure_that_the_runs_cannot_show_or_that_contradicts():
     assert verdict(found, enough=True) == ["Missing: play in the joints (sure: > 99 %)."]
     more = details(found, logs=2)
     assert any(
-        "1 s ahead to 2 mm instead of 10 (noise alone would leave 1.9)" in line for line in more
+        "1 s ahead to 2.0 mm instead of 10 (noise alone would leave 1.9)" in line for line in more
     )
     assert any("errors 4.6 times what noise alone gives" in line for line in more)
     for doubtful in (

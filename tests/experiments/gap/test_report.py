@@ -129,7 +129,7 @@ def test_every_noise_has_its_words_and_a_unit_that_people_read(pages):
     page = next(page for page, _ in pages.values() if "noise, as estimated" in page)
     rows = re.findall(r"<tr[^>]*><td[^>]*>(.*?)</td><td[^>]*>(.*?)</td><td[^>]*>(.*?)</td>", page)
     found = {tuple(re.sub(r"<[^>]+>", "", html.unescape(cell)) for cell in row) for row in rows}
-    assert ("ball's place as seen", "0.31", "mm") in found
+    assert ("ball's place as seen", "0.310", "mm") in found
     assert ("servo's speed, random walk", "11.5", "deg/s per root of a second") in found
 
 
@@ -157,18 +157,18 @@ def test_a_page_is_whole_and_self_contained(pages, name):
 
 def test_a_named_effect_is_told_in_degrees_and_millimetres(pages):
     text = words(pages["named"][0])
-    assert "joint play x play 2.01 [1.93, 2.09] deg 0.08 deg 0 to 5.73 deg" in text
-    assert "ball x 7.90 2.53 mm 0.32 mm" in text
+    assert "joint play x play 2.01 [1.93, 2.09] deg 0.0800 deg 0 to 5.73 deg" in text
+    assert "ball x 7.90 2.53 mm 0.320 mm" in text
     assert "ball x 7.90 1.04 99 %" in text
     assert "servo x 1.03 1.02 no gap to close" in text
     assert "named: joint play 1.02 1.01 1.04 1.06 2.4" in text
     assert "limit cycle period x s 1.82 - 1.79" in text
-    assert "limit cycle amplitude x mm 8.1 0.4 7.9 nearer" in text
+    assert "limit cycle amplitude x mm 8.10 0.400 7.90 nearer" in text
     assert "Recalibrate the servo: gain x is off by +5.2 %" in text
     assert "[effects.joint_backlash.x] play_rad = 0.035012" in text
-    assert "saturation the volts stay below 3.1 V limit 3.1 V" in text
+    assert "saturation the volts stay below 3.1 V limit 3.10 V" in text
     assert "No experiment is proposed: no two names are left that a run could tell apart." in text
-    assert "predicted to within 2.4 mm instead of 6.1 mm" in text
+    assert "predicted to within 2.40 mm instead of 6.10 mm" in text
 
 
 def test_the_answer_stands_in_one_table_below_its_sentence(pages):
@@ -200,7 +200,7 @@ def test_rivals_get_an_experiment_and_its_command(pages):
     text = words(pages["rivals"][0])
     assert "camera delay (57 %) or linkage cubic (41 %): these logs do not tell" in text
     assert "steps (30 s on the rig): it separates camera delay from linkage cubic" in text
-    assert "expected separation is 27 (10 decides)" in text
+    assert "expected separation is 27.0 (10 decides)" in text
     assert "rig run steps --arm with --rig rig.toml" in text
     assert "structural twins: a pure delay from encoder to plate" in text
 
@@ -238,7 +238,7 @@ def test_a_summary_is_short_and_says_the_same(pages):
     assert summary_lines(replace(named(), effects=two))[0].startswith("named (86 % to 98 % sure): ")
     assert "joint_backlash (98 %): x play 2.01 [1.93, 2.09] deg, y play 1.15 [1.10, 1.19]" in lines
     assert "ball x 7.90 -> 1.04" in lines
-    assert "6.1 -> 2.4 mm (fitted to these data: 2.2)" in lines
+    assert "6.10 -> 2.40 mm (fitted to these data: 2.20)" in lines
     assert "recalibrate the servo: gain_x_rad_s_V = 1.61 (+5 %)" in lines
     assert "4.1" not in lines
     assert "rig run steps (30 s) tells camera_delay from linkage_cubic" in "\n".join(
@@ -303,7 +303,7 @@ def test_odd_findings_still_make_a_page(tmp_path):
     )
     page = words(write_gap_report(found, tmp_path, names=[]).read_text(encoding="utf-8"))
     assert "bad_karma x size" in page
-    assert "22 [22, 22] rad/s/V" in page
+    assert "22.0 [22.0, 22.0] rad/s/V" in page
     assert "+0.0 %" in page
     assert "-0.0 %" not in page
     assert summary_lines(found)
@@ -354,14 +354,18 @@ def test_every_parameter_of_the_catalogue_has_a_unit_and_words():
             assert "rad" not in unit or "1/rad" in unit
             assert factor >= 1
             assert not re.search(r"_(rad|V|s|m)\b", key_words(p.key))
-    assert smallest_words("camera_delay", {"extra_s": 0.0034}) == "extra 3.4 ms"
-    assert smallest_words("camera_scale", {"fraction": 0.014}) == "fraction 1.4 %"
+    assert smallest_words("camera_delay", {"extra_s": 0.0034}) == "extra 3.40 ms"
+    assert smallest_words("camera_scale", {"fraction": 0.014}) == "fraction 1.40 %"
     assert smallest_words("joint_backlash", {"x.play_rad": 0.0045}) == "x.play 0.258 deg"
 
 
 def test_numbers_for_people():
     assert [sig(v) for v in (1234567.0, 0.00001, 0.0, float("nan"), None)] == [
         "1230000", "1.0e-05", "0", "-", "-",
+    ]  # fmt: skip
+    # What is told beside 1.52 is not told as 1.5.
+    assert [sig(v) for v in (1.5, 0.02, 12.0, 123.4, 99.96)] == [
+        "1.50", "0.0200", "12.0", "123", "100",
     ]  # fmt: skip
     assert [percent(p) for p in (1.0, 0.985, 0.004, float("nan"))] == [
         "> 99 %",
@@ -412,7 +416,7 @@ def test_a_model_that_is_farther_in_closed_loop_is_told_in_a_note():
     assert farther_note((worse, better)) == farther_note(()) == ()
     assert farther_note((worse,)) == (
         "in closed loop the extended model is farther from the recording than the one before: "
-        "spread 7.9 mm recorded, 7.24 before, 5.53 after",
+        "spread 7.90 mm recorded, 7.24 before, 5.53 after",
     )
     nearer = "nearer to the recording than the one before in 1 of {} numbers, farther in {}."
     assert nearer.format(2, "spread") in closed_loop_words((worse, better))
