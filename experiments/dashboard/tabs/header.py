@@ -157,10 +157,10 @@ class Header:
 
 
 # A path or a number without a blank breaks where the panel ends instead of leaving it; in a table
-# only where the columns cannot be made narrower between words.
+# a name does, in a column that is as wide as a word ("completed") all the same.
 WRAP = (
-    "<style>p, li, h4 { overflow-wrap: anywhere } "
-    "th, td { overflow-wrap: break-word; padding-right: 0.7em }</style>"
+    "<style>p, li, h4, .rig-name { overflow-wrap: anywhere } "
+    "th, td { padding-right: 0.7em } td:has(.rig-name) { min-width: 5.5em }</style>"
 )
 
 

@@ -69,8 +69,9 @@ def table(rows: list[RunSummary], centroids: dict[str, tuple[float, float]]) -> 
     for row in rows[:LISTED]:
         where = centroids.get(row.folder.name)
         words = "" if where is None else f"({where[0]:+.2f}, {where[1]:+.2f})"
-        cells = (f"{row.protocol} {row.when}", row.method, row.how)
-        lines.append(f"| {' | '.join(map(plain, cells))} | {words} |")
+        names = (f"{row.protocol} {row.when}", row.method, row.how)
+        cells = (f'<span class="rig-name">{plain(name)}</span>' for name in names)
+        lines.append(f"| {' | '.join(cells)} | {words} |")
     more = len(rows) - LISTED
     lines += ["", MEANS]
     older = " in the lists; older runs are in the folder alone" if len(rows) >= MOST_LISTED else ""

@@ -38,6 +38,17 @@ CUT_OFF = """() => {
 }"""
 
 
+def nothing_cut_off(page: Page) -> None:
+    """Once the page has laid itself out: that takes a picture or two."""
+    wrong = ["never looked"]
+    for _ in range(20):
+        wrong = page.evaluate(CUT_OFF)
+        if not wrong:
+            return
+        page.wait_for_timeout(500)
+    raise AssertionError("\n".join(wrong))
+
+
 class Hand:
     """One tab of the browser. sharp: with every pixel, as a person's screen; else a quarter."""
 
@@ -136,14 +147,7 @@ class Hand:
         wait_for("ball and plate in the 3-D view", seen, PATIENCE_S, every_s=0.2)
 
     def nothing_cut_off(self) -> None:
-        """Once the page has laid itself out: that takes a picture or two."""
-        wrong = ["never looked"]
-        for _ in range(20):
-            wrong = self.page.evaluate(CUT_OFF)
-            if not wrong:
-                return
-            self.page.wait_for_timeout(500)
-        raise AssertionError("\n".join(wrong))
+        nothing_cut_off(self.page)
 
     def close(self) -> None:
         self.page.context.close()
