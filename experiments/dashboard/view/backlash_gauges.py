@@ -18,11 +18,11 @@ if TYPE_CHECKING:
 
 FREE, TOUCHED, TOOTH = (150, 158, 170), (214, 39, 40), (255, 176, 30)
 TEETH = "/teeth"  # the node of the scene above all gauges
-PLACES = {  # of the four gauges, beside the two servos
-    ("gear", 0): (0.215, -0.03, -0.07),
+PLACES = {  # of the four gauges, beside the two servos: the joint's above the gear's
+    ("gear", 0): (0.215, -0.03, -0.05),
     ("joint", 0): (0.215, -0.03, 0.0),
-    ("gear", 1): (-0.07, 0.215, 0.0),
-    ("joint", 1): (-0.07, 0.215, 0.07),
+    ("gear", 1): (-0.07, 0.215, 0.04),
+    ("joint", 1): (-0.07, 0.215, 0.09),
 }
 
 
@@ -48,12 +48,13 @@ class BacklashGauge:
             )
             for side in "ab"
         ]
+        above = kind == "joint"  # none lies between two gauges, however small those are drawn
         self._label: Any = scene.add_label(
             f"{name}/label",
             self._words,
-            position=(0, 0, 2.2 * TOOTH_M),
+            position=(0, 0, (2.2 if above else -2.2) * TOOTH_M),
             font_screen_scale=LETTERS,
-            anchor="bottom-center",
+            anchor="bottom-center" if above else "top-center",
         )
         self._touches, self.told = 0, True
 

@@ -16,6 +16,10 @@ def test_the_gauges_tell_the_truth_and_are_hidden_as_one():
         gauges.draw(rig, nothing, nothing, np.full((2, 2), np.nan))
         labels = [gauge._label for gauge in gauges._gauges.values()]
         assert all("true 1" in label.text for label in labels)
+        for (kind, _), gauge in gauges._gauges.items():  # none lies over the servo's other gauge
+            up = {"gear": -1, "joint": 1}[kind]
+            assert np.sign(gauge._label.position[2]) == up
+            assert gauge._label.anchor == {-1: "top-center", 1: "bottom-center"}[up]
         gauges.tell(False)
         gauges.draw(rig, nothing, nothing, np.full((2, 2), 0.01))
         assert next(label.text for label in labels) == "play of gear x:\nfound 0.6°"
