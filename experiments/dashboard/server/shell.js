@@ -195,6 +195,13 @@
         if (chosen.get(row.textContent) === tab.textContent) openTab(tab);
     }
   }, LAID_OUT_MS);
+  // Who listens to the page hears of a field the words beside it: viser ties only some to theirs.
+  setInterval(() => {
+    for (const label of document.querySelectorAll("label[for]"))
+      for (const field of label.control ? []
+        : label.closest(".mantine-Flex-root").querySelectorAll("input, [role=slider]"))
+        if (!field.getAttribute("aria-label")) field.setAttribute("aria-label", label.textContent);
+  }, LAID_OUT_MS);
   // A button whose words end in "tab Replay" opens it.
   addEventListener("click", (event) => {
     const name = /, tab (\w+)$/.exec(event.target.closest?.("button")?.textContent ?? "")?.[1];

@@ -1,4 +1,4 @@
-"""The page's keys in a real browser, whatever was clicked before."""
+"""The page's keys and the names of its fields, in a real browser."""
 
 import numpy as np
 import pytest
@@ -28,4 +28,16 @@ def test_an_arrow_is_a_commands_after_a_click_on_a_tab_and_turns_no_view(chromiu
     page.wait_for_timeout(500)
     assert np.allclose(client.camera.wxyz, looks)
     assert page.get_by_text("what is in Curves").is_visible()  # the tabs were not turned either
+    page.context.close()
+
+
+@pytest.mark.slow
+def test_every_field_and_slider_has_the_name_that_stands_beside_it(chromium, program):
+    program.server.gui.add_text("Your guess", "", order=-1)
+    program.server.gui.add_slider("Push", 0.0, 1.0, 0.1, 0.5, order=-1)
+    page = opened(chromium, program)
+    page.get_by_role("textbox", name="Your guess", exact=True).wait_for(timeout=120e3)
+    page.get_by_role("slider", name="Push", exact=True).wait_for()
+    page.get_by_role("textbox", name="Push", exact=True).wait_for()  # the slider's number
+    page.get_by_role("textbox", name="P", exact=True).wait_for()  # viser's own name stays
     page.context.close()
