@@ -35,11 +35,13 @@ LARGER, FIXED = 1.4, 0.3  # ratio of radii; share of the larger radius that a pa
 # A shadow: shares of the light beside it that are left at most, and that the colours differ by; how
 # far (sum of the radii) it lies from what moves with it; sway, share of their common way.
 SHADED, TINTED, AWAY, RIGID = 0.9, 0.2, 2.0, 0.4
-# Unevenness (`pixels.unevenness`) below which what is a darker copy of its surround is a shadow: in
-# 12 films of two generated worlds shadows have .02 to .03, smaller than 7 px or half covered by
-# their ball up to .3 (and are not told), balls of black and steel .07 and more. A black ball in
-# even light is darker than a shadow, which the room's light reaches: of the light beside them
-# shadows keep .56 to .81, black balls .13 to .30; a third, where a lamp is twice as bright as that.
+# Unevenness (`pixels.unevenness`) below which what is a darker copy of its surround is a shadow. A
+# matt sphere seen from above under an even sky, light (1 + n_z)/2, has .08, with a lamp more; black
+# and steel balls in 12 films of two generated worlds had .07 and more, shadows .02 to .03 (smaller
+# than 7 px or half covered by their ball up to .3: these are not told). A grey ball in a light tent
+# on a white plate, which lights it from below, may be as even. A black ball in even light is darker
+# than a shadow, which the room's light reaches: of the light beside them shadows keep .56 to .81,
+# black balls .13 to .30; a third, where a lamp is twice as bright as that.
 EVEN, UMBRA = 0.05, 1.0 / 3.0
 # Travel beyond which more says nothing: marks on a plate that tilts by 10 degrees reach 2 to 3, and
 # leaves and hands come farther than a ball.

@@ -119,3 +119,14 @@ def test_a_shadow_that_its_ball_covers_in_part_is_even_and_a_black_ball_is_not(r
     assert unevenness(image, 90.0, 120.0 + 1.1 * radius, radius) < EVEN
     assert unevenness(image, 230.0, 120.0, radius) > 1.5 * EVEN
     assert unevenness(image, -50.0, 120.0, radius) == np.inf
+
+
+@pytest.mark.parametrize("radius", [8.0, 20.0, 60.0])
+def test_a_matt_ball_under_an_even_sky_is_less_even_than_a_shadow(radius: float):
+    y, x = np.mgrid[: 4 * radius, : 4 * radius] + 0.5 - 2.0 * radius
+    inside = (x**2 + y**2) / radius**2
+    up = np.sqrt(np.clip(1.0 - inside, 0.0, 1.0))  # n_z
+    grey = np.where(inside < 1.0, 120.0 * 0.5 * (1.0 + up), 220.0)
+    image = np.repeat(grey[:, :, None], 3, axis=2).round().astype(np.uint8)
+    middle = 2.0 * radius - 0.5
+    assert unevenness(image, middle, middle, radius) == pytest.approx(0.08, abs=0.005)
