@@ -13,8 +13,8 @@ fitted to four of five seconds predicts of the fifth,
 G_flexible counts where it is above 0 for certain, by blocks (`decision_rule.is_certain`).
 
 A constant (OFFSETS) cannot be told from the mean of what depends on the place, where such a term is
-left: a dent has a mean slope where the ball was. Nor can a dry friction or a dead zone from a part
-of what depends on speed: a bridge that loses volts by the sign of the current gives all three.
+left: a dent has a mean slope where the ball was. Nor can a dead zone from a part of what depends on
+speed: a bridge that loses volts by the sign of the current, V - omega/K, gives both.
 
 **Order in time.** A cause does not come after what it causes (Sims, Am. Econ. Rev. 62, 1972). In
 closed loop a gust is answered by the controller, and a function of the angles of this answer looks
@@ -34,7 +34,6 @@ import numpy as np
 from calibration.gap.decision_rule import (
     CANCELLED_SHARE,
     CHANCE_ONE_IN,
-    DRY_FRICTIONS,
     RANGE_END_STEPS,
     is_certain,
 )
@@ -49,7 +48,7 @@ from calibration.gap.prove import model_of
 from calibration.gap.unnamed.term import UnnamedTerm
 
 OFFSETS = ("level_offset", "voltage_offset")  # effects whose size is a constant
-JOINT = "joint_backlash"
+JOINT, DEAD_ZONE = "joint_backlash", "dead_zone"
 RIPPLE, RESISTANCE = "transmission_ripple", "rolling_resistance"
 # By the effect that makes a servo late, the effect and key of what makes it late otherwise.
 LATE_OTHERWISE = {
@@ -98,14 +97,14 @@ def predictable(state: State, output: str) -> float:
 
 def part_of_what_is_left(one: Accepted, outputs: Collection[str], left: UnnamedTerm | None) -> str:
     """Why a name on these outputs cannot be certain beside what is left without a name there, in
-    words; "" if it can: a constant beside what depends on the place, dry friction or a dead zone
-    beside what depends on speed."""
+    words; "" if it can: a constant beside what depends on the place, a dead zone beside what
+    depends on speed."""
     if left is None or left.output not in outputs:
         return ""
     if one.name in OFFSETS and left.kind == "map":
         return "what is left depends on the place, and its mean looks like this"
-    if one.name in DRY_FRICTIONS and left.kind == "speed":
-        return "what is left depends on speed, and may be of one kind with this"
+    if one.name == DEAD_ZONE and left.kind == "speed":
+        return "what is left depends on speed: both may be volts lost by the current's direction"
     return ""
 
 

@@ -215,7 +215,7 @@ def test_a_trend_that_two_runs_have_is_certain():
         ("level_offset", "map", "servo_x", False),
         ("rolling_resistance", "map", BALL, False),
         ("dead_zone", "speed", "servo_x", True),
-        ("stribeck_friction", "speed", "servo_x", True),
+        ("stribeck_friction", "speed", "servo_x", False),  # the rest of one law
         ("dead_zone", "speed", "servo_y", False),
         ("cogging", "speed", "servo_x", False),
         ("dead_zone", "map", "servo_x", False),
