@@ -38,8 +38,9 @@ SHADED, TINTED, AWAY, RIGID = 0.9, 0.2, 2.0, 0.4
 # Unevenness (`pixels.unevenness`) below which what is a darker copy of its surround is a shadow. A
 # matt sphere seen from above under an even sky, light (1 + n_z)/2, has .08, with a lamp more; black
 # and steel balls in 12 films of two generated worlds had .07 and more, shadows .02 to .03 (smaller
-# than 7 px or half covered by their ball up to .3: these are not told). A grey ball in a light tent
-# on a white plate, which lights it from below, may be as even. A black ball in even light is darker
+# than 7 px or half covered by their ball up to .3: these are not told). A grey ball in light
+# from all round is as even and as dark: what casts a shadow is seen beside it, in few looks
+# perhaps. A black ball in even light is darker
 # than a shadow, which the room's light reaches: of the light beside them shadows keep .56 to .81,
 # black balls .13 to .30; a third, where a lamp is twice as bright as that.
 EVEN, UMBRA = 0.05, 1.0 / 3.0
@@ -108,9 +109,9 @@ class Thing:
         return bool(share.max() < SHADED and np.ptp(share) < TINTED)
 
     @property
-    def is_shadow(self) -> bool:
-        """Whether it is what lies beside it, darker, and even: light shades a ball, and steel
-        mirrors a room; a ball that neither is seen of is black, darker than a shadow."""
+    def is_even(self) -> bool:
+        """Whether it is what lies beside it, darker, and even, as a shadow is: a lamp shades a
+        ball, and steel mirrors a room; a black ball is darker."""
         even = float(np.median([s.uneven for s in self.sightings])) < EVEN
         return even and self.shadowy and float(self.share.min()) > UMBRA
 
@@ -273,8 +274,14 @@ class Things:
         """Whether it is no flat thing seen aslant, no shadow, no printed ring, no patch of a
         pattern and no part of another thing."""
         is_print = thing.is_ring(reach_px) or thing.is_patch(reach_px)
-        is_mark = thing.is_aslant or thing.is_shadow or is_print
+        is_mark = thing.is_aslant or is_print or self.is_shadow(thing)
         return not (is_mark or self.is_part(thing, reach_px))
+
+    def is_shadow(self, thing: Thing) -> bool:
+        """Whether it is even and was seen beside what may cast it, in however few looks."""
+        return thing.is_even and any(
+            _casts(other, thing) for other in self.all if other is not thing and not other.is_even
+        )
 
     def is_part(self, thing: Thing, reach_px: float) -> bool:
         """Whether it is of another thing: a highlight in its place on a ball, the shadow of a ball
@@ -306,14 +313,32 @@ def _look_alike(thing: Thing, other: Thing) -> bool:
     return apart and size < UNLIKE_SIZE and float(np.linalg.norm(colours)) < UNLIKE_COLOUR
 
 
+def _together(thing: Thing, other: Thing) -> np.ndarray:
+    """Places (n, 2, 2) of a thing and of another in the looks that saw both."""
+    at = dict(zip(other.times, other.sightings, strict=True))
+    seen = zip(thing.times, thing.sightings, strict=True)
+    return np.reshape([(s.place, at[t].place) for t, s in seen if t in at], (-1, 2, 2))
+
+
+def _casts(other: Thing, thing: Thing) -> bool:
+    """Whether another thing is beside a thing as a ball is beside its shadow, and stays there."""
+    both = _together(thing, other)
+    if not len(both):
+        return False
+    off = both[:, 0] - both[:, 1]
+    away, sway, way = (
+        float(np.hypot(*x)) for x in (np.median(off, 0), off.std(0), both[:, 0].std(0))
+    )
+    near = 0.7 * thing.radius_px < away <= AWAY * (thing.radius_px + other.radius_px)
+    return near and sway <= max(RIGID * way, FIXED * thing.radius_px)
+
+
 def _is_of(thing: Thing, other: Thing, reach_px: float) -> bool:
     """Whether a thing is a part or the shadow of another, or has its shadow; see `is_part`."""
-    at = dict(zip(other.times, other.sightings, strict=True))
-    pairs = [(s, at[t]) for t, s in zip(thing.times, thing.sightings, strict=True) if t in at]
-    if len(pairs) < max(2, 0.5 * len(thing.times)):
+    both = _together(thing, other)
+    if len(both) < max(2, 0.5 * len(thing.times)):
         return False
-    places = np.array([s.place for s, _ in pairs])
-    off = places - np.array([s.place for _, s in pairs])
+    places, off = both[:, 0], both[:, 0] - both[:, 1]
     away, sway = (float(np.hypot(*x)) for x in (np.median(off, 0), off.std(0)))
     larger = other.radius_px > LARGER * thing.radius_px and other.proof > 0.7 * thing.proof
     if larger and away < 0.95 * other.radius_px:

@@ -133,7 +133,7 @@ def test_a_black_ball_is_no_shadow_and_neither_is_a_still_dark_mark():
 
 
 @pytest.mark.parametrize("step", [0.0, 15.0])
-def test_an_even_darker_copy_of_its_surround_is_a_shadow_though_no_ball_is_seen(step):
+def test_an_even_darker_copy_of_its_surround_is_a_shadow_where_what_casts_it_was_seen(step):
     shades = {"shadow": (SHADE, 0.02), "steel": (SHADE, 0.2), "tinted": ((30, 110, 230), 0.02)}
     shades["black"] = (20.0, 20.0, 20.0), 0.02
     told = {}
@@ -141,9 +141,19 @@ def test_an_even_darker_copy_of_its_surround_is_a_shadow_though_no_ball_is_seen(
         path = lambda k, bgr=bgr, uneven=uneven: sighting(  # noqa: E731
             200 + step * k, 200, bgr=bgr, uneven=uneven
         )
-        things = watched(path)
+        once = lambda k: sighting(220 + step * k, 200) if k == 3 else None  # noqa: E731
+        things = watched(path, once)
         told[name] = things.may_be_ball(things.all[0], REACH)
+        alone = watched(path)
+        assert alone.may_be_ball(alone.all[0], REACH), name
     assert told == {"shadow": False, "steel": True, "tinted": True, "black": True}
+
+
+def test_a_matt_grey_ball_in_light_from_all_round_is_no_shadow_of_a_mark_that_it_passes():
+    grey = lambda k: sighting(200 + 15 * k, 200, bgr=SHADE, uneven=0.02)  # noqa: E731
+    mark = lambda k: sighting(275, 225)  # noqa: E731
+    things = watched(grey, mark)
+    assert things.may_be_ball(things.all[0], REACH)
 
 
 def test_a_highlight_that_moves_with_a_shadow_belongs_to_a_ball_that_is_not_seen():
