@@ -143,8 +143,9 @@ def weaker_at_centre(
 
     With a phase of pi, A sin(n theta + pi) = -A n theta near level. The teeth of a wheel do not
     know where level is: within w of pi, the farther end of an interval, a phase is with chance
-    w/pi. Where the product of these over the axes is at most 1 in CHANCE_ONE_IN, the plate follows
-    less about its centre, as in a play that a spring centres. Where one is not as sure, but a
+    w/pi. Where the product p of these over the axes is at most 1 in CHANCE_ONE_IN, the plate
+    follows less about its centre, as in a play that a spring centres; by chance a true ripple is as
+    near in p of cases on one axis, p (1 - ln p) on two, 1 in 18. Where one is not as sure, but a
     rolling resistance is named beside it, the ball is held at rest by more than it resists while it
     rolls, as by felt, hair or a dent.
     """
