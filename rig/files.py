@@ -264,7 +264,7 @@ def write_whole(
     where it is there. OSError: the old file stays.
     """
     part, mode = part_of(path), "xb"
-    if room is not None and freed(room).is_file():
+    if room is not None and not room.is_dir() and freed(room).exists():
         part, mode = room, "r+b"
     try:
         with naming(path):
@@ -328,11 +328,10 @@ def freed(path: Path) -> Path:
     """Return `path`, where a file can then be written.
 
     In somebody else's folder a link may lie there, which leads to any file, a second name of one,
-    or a pipe: it is removed.
+    or a pipe: it is removed. OSError: a folder lies there, which is kept.
     """
     with suppress(FileNotFoundError):
         about = path.lstat()
-        ours = stat.S_ISDIR(about.st_mode) or (stat.S_ISREG(about.st_mode) and about.st_nlink == 1)
-        if not ours:
+        if not (stat.S_ISREG(about.st_mode) and about.st_nlink == 1):
             path.unlink()
     return path

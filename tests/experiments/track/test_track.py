@@ -222,6 +222,15 @@ def test_what_lies_where_the_results_go_is_neither_written_through_nor_waited_fo
         assert all((out / one).is_file() for one in summary["files"])
 
 
+@pytest.mark.parametrize("name", MADE)
+def test_a_folder_where_a_file_is_to_be_made_is_refused_before_the_film_is_read(tmp_path, name):
+    """Of a sheet's or of the results' it was told after the last frame."""
+    (tmp_path / "out" / name).mkdir(parents=True)
+    with pytest.raises(OSError, match=name):
+        track_video(tmp_path / "no_such_film.mp4", tmp_path / "out")
+    assert [one.name for one in (tmp_path / "out").iterdir()] == [name]
+
+
 def test_a_folder_of_pictures_is_not_written_into(tmp_path):
     """Its own track.csv and a picture called contact_sheet.png were overwritten."""
     pictures = tmp_path / "pictures"
