@@ -1,10 +1,14 @@
 """Which nominal models compete for what brakes the arm."""
 
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
-from calibration.gap.name.load_friction import friction_models
+from calibration.gap.decision_rule import NAME_THRESHOLD
+from calibration.gap.model.state import State
+from calibration.gap.name.load_friction import friction_models, unloaded_model
+from calibration.gap.name.screen import Screened
 from rig.parameters import Drive, Rig, Servo
 
 
@@ -33,3 +37,24 @@ def test_friction_that_the_rig_file_tells_loads_a_model(
 def test_no_motor_of_a_servo_that_takes_an_angle_feels_a_load():
     rig = replace(Rig(drive=Drive(arm_friction_nm=0.015)), servo=Servo(kind="position"))
     assert [model.load_friction for model in friction_models(rig)] == [False]
+
+
+@pytest.mark.parametrize(
+    ("model", "screened", "share", "named", "tried"),
+    [
+        (0, "joint_backlash", 1.0, (), True),
+        (0, "joint_backlash", 0.9, (), False),  # the ball does not show it
+        (0, "gear_backlash", 1.0, (), False),
+        (0, "joint_backlash", 1.0, (("joint_backlash", "y"),), False),  # it has its name
+        (-1, "joint_backlash", 1.0, (), False),  # no motor is loaded
+    ],
+)
+def test_a_play_that_the_ball_shows_and_loaded_motors_deny_is_tried_without_load(
+    model: int, screened: str, share: float, named: tuple[tuple[str, str], ...], tried: bool
+):
+    nominal = friction_models(Rig(drive=Drive(joint_friction_nm=0.02)))[model]
+    unused: Any = None  # neither data nor a fit decide
+    state = State(unused, nominal, unused, named)
+    other = unloaded_model(state, [Screened(screened, "x", share * NAME_THRESHOLD, {}, 0.0, {})])
+    assert (other is not None) == tried
+    assert other is None or not (other.load_friction or other.coasts)
