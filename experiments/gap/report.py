@@ -239,9 +239,9 @@ def _parameter_table(found: Findings) -> Table:
                 tolerance, span = "-", "-"
                 for i, p in enumerate(known.parameters if known else ()):
                     if p.key == key:
-                        span = f"{sig(factor * p.low)} to {sig(factor * p.high)} {unit}".strip()
+                        span = f"{factor * p.low:.3g} to {factor * p.high:.3g} {unit}".strip()
                         if i == 0 and known and known.tolerance:
-                            tolerance = f"{sig(factor * known.tolerance)} {unit}".strip()
+                            tolerance = f"{factor * known.tolerance:.3g} {unit}".strip()
                 both = "both" if axis == "xy" else axis
                 value = interval_words(interval, unit, factor)
                 rows.append([effect.name, both, key_words(key), value, tolerance, span])

@@ -157,7 +157,7 @@ def test_a_page_is_whole_and_self_contained(pages, name):
 
 def test_a_named_effect_is_told_in_degrees_and_millimetres(pages):
     text = words(pages["named"][0])
-    assert "joint play x play 2.01 [1.93, 2.09] deg 0.0800 deg 0 to 5.73 deg" in text
+    assert "joint play x play 2.01 [1.93, 2.09] deg 0.08 deg 0 to 5.73 deg" in text
     assert "ball x 7.90 2.53 mm 0.320 mm" in text
     assert "ball x 7.90 1.04 99 %" in text
     assert "servo x 1.03 1.02 no gap to close" in text

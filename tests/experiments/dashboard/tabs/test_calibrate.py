@@ -153,7 +153,7 @@ def test_the_answer_is_first_and_how_it_was_measured_is_folded(virtual, tmp_path
     assert first == "**play: accepted**"
     assert said in answer
     assert "truth" in answer
-    assert "| 1\u00a0deg |" in one._verdict.content  # the true one
+    assert "| 1&#46;00\u00a0deg |" in one._verdict.content  # the true one
     assert "tachometer" not in one._verdict.content
     assert "tachometer" in one._details.content
     assert one._folded.visible
