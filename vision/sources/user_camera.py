@@ -25,6 +25,7 @@ import threading
 import time
 import traceback
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -122,7 +123,8 @@ class UserFeed(Feed):
             if not callable(self._read):
                 raise UserCameraError(f"{self._address}: the class needs a method read()")
         except BaseException:
-            self.close()
+            with suppress(UserCameraError):  # what came first is said
+                self.close()
             raise
 
     def _call(self, what: str, method: Callable[..., Any], *args: Any) -> Any:

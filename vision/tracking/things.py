@@ -38,11 +38,11 @@ SHADED, TINTED, AWAY, RIGID = 0.9, 0.2, 2.0, 0.4
 # Unevenness (`pixels.unevenness`) below which what is a darker copy of its surround is a shadow. A
 # matt sphere seen from above under an even sky, light (1 + n_z)/2, has .08, with a lamp more; black
 # and steel balls in 12 films of two generated worlds had .07 and more, shadows .02 to .03 (smaller
-# than 7 px or half covered by their ball up to .3: these are not told). A grey ball in light
-# from all round is as even and as dark: what casts a shadow is seen beside it, in few looks
-# perhaps. A black ball in even light is darker
-# than a shadow, which the room's light reaches: of the light beside them shadows keep .56 to .81,
-# black balls .13 to .30; a third, where a lamp is twice as bright as that.
+# than 7 px or half covered by their ball up to .3: these are not told). A grey ball in light from
+# all round is as even and as dark: what casts a shadow is seen beside it, in few looks perhaps. A
+# black ball in even light is darker than a shadow, which the room's light reaches: of the light
+# beside them shadows keep .56 to .81, black balls .13 to .30; a third, where a lamp is twice as
+# bright as the room.
 EVEN, UMBRA = 0.05, 1.0 / 3.0
 # Travel beyond which more says nothing: marks on a plate that tilts by 10 degrees reach 2 to 3, and
 # leaves and hands come farther than a ball.

@@ -86,7 +86,8 @@ def unloaded_model(state: State, screened: Iterable[Screened]) -> NominalModel |
     nominal = state.nominal
     named = any(name == JOINT for name, _ in state.named)
     shown = any(one.name == JOINT and one.gain >= NAME_THRESHOLD for one in screened)
-    if named or not (shown and nominal.load_friction):
+    loads = nominal.load_friction and nominal.rig.drive.joint_friction_nm > 0.0
+    if named or not (shown and loads):
         return None
     return friction_models(nominal.rig, nominal.given_tolerances)[-1]
 

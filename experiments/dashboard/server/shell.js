@@ -199,7 +199,7 @@
   setInterval(() => {
     for (const label of document.querySelectorAll("label[for]"))
       for (const field of label.control ? []
-        : label.closest(".mantine-Flex-root").querySelectorAll("input, [role=slider]"))
+        : label.closest(".mantine-Flex-root")?.querySelectorAll("input, [role=slider]") ?? [])
         if (!field.getAttribute("aria-label")) field.setAttribute("aria-label", label.textContent);
   }, LAID_OUT_MS);
   // A button whose words end in "tab Replay" opens it.

@@ -195,10 +195,11 @@ def test_a_process_that_it_forked_does_not_go_on_reading_the_camera(tmp_path):
     assert {int(one) > 0 for one in children.read_text().split()} == {True, False}
 
 
-def test_a_class_whose_read_cannot_be_looked_up_is_closed(tmp_path, capfd):
+@pytest.mark.parametrize("end", ["", "; raise RuntimeError('stuck')"])
+def test_a_class_whose_read_cannot_be_looked_up_is_closed(tmp_path, capfd, end: str):
     text = reading("return None").replace("  def read(self):", "  @property\n  def read(self):")
     text = text.replace("return None", "raise RuntimeError('not now')")
-    text += "\n  def close(self): print('closed', flush=True)"
+    text += f"\n  def close(self): print('closed', flush=True){end}"
     with (
         pytest.raises(UserCameraError, match="read: RuntimeError: not now"),
         open_source(write(tmp_path, text)),

@@ -11,6 +11,8 @@ from calibration.gap.name.load_friction import friction_models, unloaded_model
 from calibration.gap.name.screen import Screened
 from rig.parameters import Drive, Rig, Servo
 
+STIFF = Drive(joint_friction_nm=0.02)  # of its joints
+
 
 @pytest.mark.parametrize(
     ("arm_nm", "joint_nm", "loaded", "coasting"),
@@ -40,19 +42,25 @@ def test_no_motor_of_a_servo_that_takes_an_angle_feels_a_load():
 
 
 @pytest.mark.parametrize(
-    ("model", "screened", "share", "named", "tried"),
+    ("drive", "model", "screened", "share", "named", "tried"),
     [
-        (0, "joint_backlash", 1.0, (), True),
-        (0, "joint_backlash", 0.9, (), False),  # the ball does not show it
-        (0, "gear_backlash", 1.0, (), False),
-        (0, "joint_backlash", 1.0, (("joint_backlash", "y"),), False),  # it has its name
-        (-1, "joint_backlash", 1.0, (), False),  # no motor is loaded
+        (STIFF, 0, "joint_backlash", 1.0, (), True),
+        (STIFF, 0, "joint_backlash", 0.9, (), False),  # the ball does not show it
+        (STIFF, 0, "gear_backlash", 1.0, (), False),
+        (STIFF, 0, "joint_backlash", 1.0, (("joint_backlash", "y"),), False),  # it has its name
+        (STIFF, -1, "joint_backlash", 1.0, (), False),  # no motor is loaded
+        (Drive(arm_friction_nm=0.02), 0, "joint_backlash", 1.0, (), False),  # not by a joint
     ],
 )
 def test_a_play_that_the_ball_shows_and_loaded_motors_deny_is_tried_without_load(
-    model: int, screened: str, share: float, named: tuple[tuple[str, str], ...], tried: bool
+    drive: Drive,
+    model: int,
+    screened: str,
+    share: float,
+    named: tuple[tuple[str, str], ...],
+    tried: bool,
 ):
-    nominal = friction_models(Rig(drive=Drive(joint_friction_nm=0.02)))[model]
+    nominal = friction_models(Rig(drive=drive))[model]
     unused: Any = None  # neither data nor a fit decide
     state = State(unused, nominal, unused, named)
     other = unloaded_model(state, [Screened(screened, "x", share * NAME_THRESHOLD, {}, 0.0, {})])

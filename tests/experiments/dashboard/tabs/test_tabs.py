@@ -153,7 +153,7 @@ def test_runs_are_listed_newest_first_and_read_as_a_film(tmp_path: Path):
     rows = list_runs(tmp_path)
     assert [row.method for row in rows] == ["without", "with"]
     words = table(rows, {rows[0].folder.name: (0.1, -0.2)})
-    assert "(+0.10, -0.20)" in words  # on one line
+    assert "(+0.10, -0.20)" in words
     assert "No runs" in table([], {})
     assert isinstance(rows[0], RunSummary)
     film = table_motion(log)
