@@ -49,7 +49,14 @@ def test_no_motor_of_a_servo_that_takes_an_angle_feels_a_load():
         (STIFF, 0, "gear_backlash", 1.0, (), False),
         (STIFF, 0, "joint_backlash", 1.0, (("joint_backlash", "y"),), False),  # it has its name
         (STIFF, -1, "joint_backlash", 1.0, (), False),  # no motor is loaded
-        (Drive(arm_friction_nm=0.02), 0, "joint_backlash", 1.0, (), False),  # not by a joint
+        (
+            Drive(arm_friction_nm=0.02, joint_friction_nm=0.0),
+            0,
+            "joint_backlash",
+            1.0,
+            (),
+            False,
+        ),  # not by a joint
     ],
 )
 def test_a_play_that_the_ball_shows_and_loaded_motors_deny_is_tried_without_load(
