@@ -7,7 +7,7 @@ import numpy as np
 
 from experiments.importing.import_map import TimeMap
 from experiments.importing.recording import BadFileError, Stream
-from experiments.importing.units import FACTORS
+from experiments.importing.units import factor
 
 HOLE_S = 2.0  # chosen: no table of such a kind is asked or seen so seldom
 MAX_BACKWARDS = 0.01  # share of rows whose stamp is not later: they are left out; more is a fault
@@ -50,7 +50,7 @@ def read_clock(stream: Stream, time: TimeMap) -> Clock:
         return Clock(_counted(marks) / (time.rate_hz or 1.0), marks)
     if time.column not in stream.columns:
         raise BadFileError(f"no column {time.column!r} for the time; there are {_some(stream)}")
-    scale = FACTORS["time"][time.unit] or 1.0
+    scale = factor(time.unit, "t_s") or 1.0
     raw = growing_on(stream.columns[time.column], (*COUNTERS, DAY_S / scale))
     finite = np.isfinite(raw)
     if finite.sum() < 2:

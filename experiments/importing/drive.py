@@ -9,7 +9,7 @@ from experiments.importing.relations import responses
 from experiments.importing.roles import NAMES, assign, columns_of
 from experiments.importing.scales import settle_scale
 from experiments.importing.signs import filled, motion
-from experiments.importing.units import FACTORS, quantity
+from experiments.importing.units import FACTORS, factor, quantity
 
 MAX_VOLTS = 60.0  # extra-low voltage; no motor of such a table takes more
 FULL_SCALES = (1.0, 100.0, 255.0, 1000.0, 1023.0, 4095.0, 32767.0)
@@ -136,7 +136,7 @@ def settle_speeds(draft: Draft, theta: Mapping[str, str]) -> None:
         one = responses(draft.seconds[good], turned, [filled(draft.values(column))[good]], order=1)[
             0
         ]
-        slope = abs(one.gain) * (FACTORS["angle"].get(key["unit"]) or 0) if one else 0.0
+        slope = abs(one.gain) * (factor(key["unit"], angle) or 0) if one else 0.0
         unit = next(
             (u for u, f in FACTORS["speed"].items() if f and abs(slope / f - 1) < SPEED_TOLERANCE),
             None,

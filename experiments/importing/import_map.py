@@ -30,10 +30,17 @@ class TimeMap(StrictModel):
     """
 
     column: str | None = None
-    unit: Literal["s", "ms", "us", "ns", "min", "day"] = "s"
+    unit: str = "s"
     rate_hz: Positive | None = None
     clock: Literal["as recorded", "even"] = "as recorded"
     session: str | None = None
+
+    @field_validator("unit")
+    @classmethod
+    def _time(cls, unit: str) -> str:
+        if factor(unit, "t_s") is None:
+            raise ValueError(f"{unit!r} is no unit of time")
+        return unit
 
     @model_validator(mode="after")
     def _one_source(self) -> "TimeMap":

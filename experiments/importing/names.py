@@ -114,8 +114,10 @@ def hint(name: str, stated_unit: str | None = None) -> Hint:
         unit = unit or canonical(inside)
         if canonical(inside) is None:
             bare += " " + inside  # theta[1]: an index
+    bare, size = _size_behind(bare, unit)
     words = _words(bare)
-    unit = unit or _unit_at_end(bare, words) or _unit_within(words)
+    unit = unit or _size_in_front(bare, _unit_at_end(bare, words) or _unit_within(words))
+    unit = canonical(f"{unit}*{size}") or unit if size else unit
     roles = [role for word in words if (role := _role_of(word))]
     sayings = words[:-1] if unit and len(words) > 1 and canonical(words[-1]) == unit else words
     said = [word for word in reversed(sayings) if word in _AXES]
@@ -175,6 +177,23 @@ def _unit_at_end(name: str, words: list[str]) -> str | None:
     if last in ("V", "A", "m", "s") or len(words[-1]) > 1 or not words[-1].isalpha():
         return canonical(last) if not words[-1].isdigit() else None
     return None
+
+
+def _size_in_front(name: str, unit: str | None) -> str | None:
+    """The unit with the number that stands right before it in a name (`angle_x_0.1deg`)."""
+    front = re.search(r"[\s_]([\d.,]+[A-Za-zµμ°]+)\s*$", name)
+    whole = canonical(front[1]) if front else None
+    return whole if whole and whole.endswith(f" {unit}") else unit
+
+
+def _size_behind(name: str, unit: str | None) -> tuple[str, str]:
+    """A name without the number behind its unit (`x_deg10`, `pos [mm] x10`), and that number; unit:
+    of brackets that were there."""
+    match = re.fullmatch(r"(.*?)[\s_]*([*x·×/]?)\s*(10+)\s*", name)
+    words = _words(match[1]) if match else []
+    if match and words and ((unit and match[2]) or _unit_at_end(match[1], words)):
+        return match[1], match[3]
+    return name, ""
 
 
 def _unit_within(words: list[str]) -> str | None:

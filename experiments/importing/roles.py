@@ -9,7 +9,7 @@ from experiments.importing.draft import Draft
 from experiments.importing.import_map import time_map
 from experiments.importing.names import Hint
 from experiments.importing.recording import BadFileError
-from experiments.importing.units import FACTORS
+from experiments.importing.units import FACTORS, factor, is_time
 
 STEPS_S = (2e-4, 0.25)  # between rows: faster than any such table is read, slower than one can be
 MAX_STRAY = 0.2  # chosen: of the usual step, the median stray of a nameless clock's steps
@@ -52,7 +52,7 @@ def _clock(draft: Draft) -> None:
     draft.values(draft.time["column"]) if draft.time.get("column") else None
     if "clock" not in draft.time and draft.time.get("column"):
         times = time_map({**draft.time, "clock": "even"})
-        raw = draft.values(draft.time["column"]) * (FACTORS["time"][times.unit] or 1.0)
+        raw = draft.values(draft.time["column"]) * (factor(times.unit, "t_s") or 1.0)
         session = read_clock(draft.stream, times).session
         parts = [raw[(session == number) & np.isfinite(raw)] for number in np.unique(session)]
         if parts and all(coarse(part) for part in parts if len(part) > 20) and coarse(parts[0]):
@@ -73,7 +73,7 @@ def _time_column(draft: Draft) -> str | None:
     named = [name for name in growing if draft.hints[name].role == "time"]
     if named:
         return named[0]
-    by_unit = [name for name in growing if draft.hints[name].unit in FACTORS["time"]]
+    by_unit = [name for name in growing if is_time(draft.hints[name].unit)]
     by_unit = [name for name in by_unit if _even(draft.stream.columns[name])]
     if by_unit:
         return by_unit[0]
@@ -115,10 +115,11 @@ def _time_unit(draft: Draft, column: str) -> None:
     )
     units = {u: f for u, f in FACTORS["time"].items() if f is not None and u != "min"}
     fitting = [u for u, f in units.items() if STEPS_S[0] <= usual * f <= STEPS_S[1]]
-    named = draft.hints[column].unit
-    if named in FACTORS["time"] and (named in fitting or named == "min"):
+    named = draft.hints[column].unit or ""
+    own = factor(named, "t_s") if is_time(named) else None
+    if own and (named == "min" or STEPS_S[0] <= usual * own <= STEPS_S[1]):
         draft.time["unit"] = named
-    elif named in FACTORS["time"]:
+    elif own:
         draft.time["unit"] = named
         draft.doubt(
             ["time"],

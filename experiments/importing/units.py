@@ -1,7 +1,7 @@
 """Units that a recording may be in, how they are spelled, and their SI factors."""
 
 import re
-from math import pi
+from math import inf, pi
 
 FACTORS: dict[str, dict[str, float | None]] = {  # None: the map's `scale` says it
     "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "day": 86400.0},
@@ -54,19 +54,49 @@ _SPELLED = {
 }
 _NAMED = {spelling: unit for unit, spellings in _SPELLED.items() for spelling in spellings.split()}
 _PART = re.compile(r"(1|turn)/(\d{1,9})")
+# Decimals, parts and powers of ten: another whole number is an index (`servo_2deg`).
+_FRONT = re.compile(r"(1/[1-9]\d*|10\^-?\d+|10+|\d*[.,]\d+|\d+e-?\d+)[*x·×]?([^\d*x·×].*)")
+_BEHIND = re.compile(r"(.+?)[*x·×/]?(10+)")
 
 
 def canonical(text: str) -> str | None:
-    """The unit that somebody's spelling means; None where it means none."""
+    """The unit that somebody's spelling means; None where it means none.
+
+    A number may stand before it, as in `0.1 mm`; `mm*10`, `mm x10` and `mm/10` are all 0.1 mm.
+    """
     text = text.strip()
     if text in ("M", "S"):  # mega and siemens; nobody's metre
         return None
     text = text.lower().replace(" ", "")
-    return _NAMED.get(text) or (text if _PART.fullmatch(text) else None)
+    known = _NAMED.get(text) or (text if _PART.fullmatch(text) else None)
+    return known or _multiple(text)
+
+
+def _multiple(text: str) -> str | None:
+    """The unit with a number before it (`0.1 mm`) that `text` means; None where it means none."""
+    if front := _FRONT.fullmatch(text):
+        size, unit = front[1].replace(",", "."), _NAMED.get(front[2])
+        if size.startswith("10^"):
+            size = f"1e{size[3:]}"
+        times = 1 / float(size[2:]) if size.startswith("1/") else float(size)
+    elif behind := _BEHIND.fullmatch(text):
+        times, unit = 1 / float(behind[2]), _NAMED.get(behind[1])
+    else:
+        return None
+    sized = any(units.get(unit or "") for units in FACTORS.values())
+    if not sized or not 0 < times < inf:
+        return None
+    return unit if unit is None or times == 1 else f"{times:g} {unit}"
+
+
+def is_time(unit: str | None) -> bool:
+    """Whether a canonical unit is one of time."""
+    return (unit or "").rsplit(" ", maxsplit=1)[-1] in FACTORS["time"]
 
 
 def quantity(unit: str) -> str | None:
     """What a canonical unit measures; None where that is open (counts, shares)."""
+    unit = unit.split(" ")[-1]
     if unit.startswith("turn/") and unit != "turn/s":
         return "angle"
     return next((name for name, units in FACTORS.items() if unit in units and unit != "us"), None)
@@ -86,6 +116,10 @@ def factor(unit: str, column: str) -> float | None:
     if unit in SCALED:
         return None
     kinds = QUANTITIES.get(family(column), ())
+    if " " in unit:
+        times, unit = unit.split(" ")
+        own = factor(unit, column)
+        return None if own is None else float(times) * own
     if (part := _PART.fullmatch(unit)) and int(part[2]) > 0:
         if part[1] == "1":
             return None
