@@ -1,13 +1,13 @@
 """Volts, shares, currents, speeds and targets: settled after the angles and the ball."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from experiments.importing.draft import Draft
-from experiments.importing.relations import responses
+from experiments.importing.relations import Response, responses
 from experiments.importing.roles import NAMES, assign, columns_of
-from experiments.importing.scales import settle_scale
+from experiments.importing.scales import OFF_MIDDLE, ROUND, settle_scale
 from experiments.importing.signs import filled, motion
 from experiments.importing.units import FACTORS, factor, quantity
 
@@ -17,6 +17,7 @@ NEAR_FULL = 0.02
 SUPPLY_SHARE = 0.5  # chosen: a supply sags by less, and no drive stays above half of its most
 _VOLTAGES = {axis: NAMES["voltage"].format(axis) for axis in "xy"}
 SPEED_TOLERANCE = 0.15  # of a slope that must be 1
+OFF_ZERO = 0.5  # chosen: of the farthest volts from rest; an amplifier's offset is smaller
 
 
 def find_volts(draft: Draft) -> dict[str, str]:
@@ -45,7 +46,6 @@ def settle_volts(draft: Draft, volts: Mapping[str, str], theta: Mapping[str, str
     good = np.isfinite(draft.seconds)
     columns = list(volts.values())
     causes = [filled(draft.values(column))[good] for column in columns]
-    unit = _unit(draft, volts)
     for axis, own in list(volts.items()):
         name = NAMES["voltage"].format(axis)
         if axis not in theta:
@@ -66,7 +66,7 @@ def settle_volts(draft: Draft, volts: Mapping[str, str], theta: Mapping[str, str
             column = own
         if column != own:
             draft.because("drive", f"{column} drives {axis}, whatever its name: the angle follows")
-        draft.settle(name, column=column, unit=unit, offset=0.0)
+        draft.settle(name, column=column, offset=0.0)
         column = str(draft.signals[name]["column"])  # what was said wins
         response = known.get(column)
         if response is None:
@@ -75,12 +75,14 @@ def settle_volts(draft: Draft, volts: Mapping[str, str], theta: Mapping[str, str
             draft.settle(name, sign=1)
         else:
             draft.settle(name, sign=1 if response.gain > 0 else -1)
+        _settle_rest(draft, name, column, response)
     names = [NAMES["voltage"].format(axis) for axis in volts if axis in theta]
     columns = [draft.signals[name]["column"] for name in names]
     if len(set(columns)) < len(columns):  # asked of one axis: the other's is then the other one
         why = "one column of volts would drive both axes"
         unsaid = [name for name in names if not draft.is_said(name, "column")]
         draft.doubt(unsaid[:1], "column", why, *volts.values())
+    unit = _unit(draft, names)
     settle_scale(draft, names, unit)
     if quantity(unit) == "current":
         for key in ("resistance_ohm", "back_emf_V_s_rad"):
@@ -94,20 +96,49 @@ def _said_columns(draft: Draft, axis: str) -> set[str]:
     return {str(draft.said[n]["column"]) for n in names if draft.is_said(n, "column")}
 
 
-def _unit(draft: Draft, volts: Mapping[str, str]) -> str:
-    """The unit of the volts; in doubt where it is in no name and not in the range."""
-    names = [NAMES["voltage"].format(axis) for axis in volts]
-    said = [draft.said[n]["unit"] for n in names if draft.is_said(n, "unit")]
-    if said:
-        return said[0]
-    hints = [draft.hints[column] for column in volts.values()]
-    most = max(float(np.nanmax(np.abs(draft.values(column)))) for column in volts.values())
+def _settle_rest(draft: Draft, name: str, column: str, response: Response | None) -> None:
+    """Settle at which number nothing drives: 0, the middle of an unsigned code, or in doubt."""
+    values = draft.values(column)
+    if draft.is_said(name, "offset"):
+        return
+    zero = response.zero if response is not None else 0.0
+    if abs(zero) <= OFF_ZERO * float(np.nanmax(np.abs(values - zero))):
+        if np.nanmin(values) >= 0 or np.nanmax(values) <= 0:
+            why = f"{column} has one sign, though the servo turns both ways: the direction lacks"
+            draft.doubt([name], "column", why, "none", column)
+        return
+    best = min((0.0, *ROUND), key=lambda one: abs(one - zero))
+    draft.settle(name, offset=best)
+    if abs(zero - best) > OFF_MIDDLE * best:
+        why = f"{column} is {zero:.4g} where nothing drives"
+        draft.doubt([name], "offset", why, f"{zero:.4g}", "0")
+    else:
+        draft.because("drive", f"{column} is {zero:.4g} at rest: {best:g} is taken off")
+
+
+def _unit(draft: Draft, names: Sequence[str]) -> str:
+    """The unit of the volts of these names, settled; in doubt where it is in no column's name and
+    not in the range."""
+    unit = next((draft.said[n]["unit"] for n in names if draft.is_said(n, "unit")), None)
+    unit = unit or _likely_unit(draft, names)
+    for name in names:
+        draft.settle(name, unit=unit)
+    return unit
+
+
+def _likely_unit(draft: Draft, names: Sequence[str]) -> str:
+    """The unit by name and range; a doubt where they do not tell."""
+    columns = {draft.signals[name]["column"]: draft.signals[name]["offset"] for name in names}
+    hints = [draft.hints[column] for column in columns]
+    most = max(float(np.nanmax(np.abs(draft.values(c) - zero))) for c, zero in columns.items())
     named = next((one.unit for one in hints if one.unit), None)
     role = hints[0].role
     if named in FACTORS["voltage"] and most * (FACTORS["voltage"][named] or 1) <= MAX_VOLTS:
         return named
     if role == "current" and named in FACTORS["current"]:
         return named
+    if any(columns.values()):  # full is as far from its rest as the code goes, whatever that is
+        return "counts"
     parts = [f"1/{full:.0f}" if full > 1 else "1" for full in FULL_SCALES if most <= 1.001 * full]
     if named in ("1/100", "counts") or (named or "").startswith("1/"):
         return named or "counts"
@@ -117,9 +148,7 @@ def _unit(draft: Draft, volts: Mapping[str, str]) -> str:
     options = ["A", "mA"] if role == "current" else ["V", "mV", *parts[:3]]
     if role == "share":
         options = parts[:3] or ["counts"]
-    draft.doubt(
-        names, "unit", f"{' and '.join(volts.values())} reach {most:.4g}: of what", *options
-    )
+    draft.doubt(names, "unit", f"{' and '.join(columns)} reach {most:.4g}: of what", *options)
     return options[0]
 
 
