@@ -58,6 +58,7 @@ def read_clock(stream: Stream, time: TimeMap) -> Clock:
     t_s = (raw - raw[finite][0]) * scale
     session = _sessions(t_s, finite, marks)
     out, left = np.full(rows, np.nan), 0
+    again = _again(stream)
     for number in np.unique(session):
         at = np.flatnonzero((session == number) & finite)
         if len(at) == 0:
@@ -66,16 +67,24 @@ def read_clock(stream: Stream, time: TimeMap) -> Clock:
         if time.clock == "even":
             own = even(own)
         good = own > np.concatenate(([-np.inf], np.maximum.accumulate(own)[:-1]))
-        left += int((~good).sum())
+        left += int((~good & ~again[at]).sum())
         out[at[good]] = own[good]
     if left > MAX_BACKWARDS * rows and time.clock == "as recorded":
         raise BadFileError(
             f"{time.column} does not grow in {left} of {rows} rows (limit: 1 %): where stamps are "
             "coarser than the rows, --set time.clock=even; else sort them"
         )
-    lost = left + int((~finite).sum())
+    lost = int(np.isnan(out).sum())
     notes = (f"{lost} rows without a time of their own are left out",) if lost else ()
     return Clock(out, session, notes)
+
+
+def _again(stream: Stream) -> np.ndarray:
+    """Rows (n,) that say in all columns what the row before says: written twice, and left out."""
+    same = np.concatenate(([False], np.ones(len(stream) - 1, bool)))
+    for values in stream.columns.values():
+        same[1:] &= (values[1:] == values[:-1]) | (np.isnan(values[1:]) & np.isnan(values[:-1]))
+    return same
 
 
 def _some(stream: Stream) -> str:
@@ -123,7 +132,7 @@ def growing_on(stamps: np.ndarray, ends: Sequence[float]) -> np.ndarray:
     near = NEAR_ROWS * float(np.median(steps[steps > 0]))
     grown = stamps[known]
     for end in ends:
-        inside = np.all((grown >= 0) & (grown < end))
+        inside = np.ptp(grown) < end  # a signed counter goes on at its lowest number
         anew = (steps < 0) & (steps + end <= near)
         if inside and near < end / 2 and np.any(anew):
             grown = grown + end * np.concatenate(([0], np.cumsum(anew)))

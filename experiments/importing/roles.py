@@ -13,6 +13,7 @@ from experiments.importing.units import FACTORS, factor, is_time
 
 STEPS_S = (2e-4, 0.25)  # between rows: faster than any such table is read, slower than one can be
 MAX_STRAY = 0.2  # chosen: of the usual step, the median stray of a nameless clock's steps
+COARSEST = 1 / 1000  # of rows, those with a new stamp of whole seconds; chosen: at 1 kHz
 MIN_GROWING = 0.95  # share of steps forwards from which a column may be a clock
 NAMES = {
     "ball": "ball_{}_m",
@@ -69,8 +70,8 @@ def _time_column(draft: Draft) -> str | None:
     a stated rate."""
     by_rate = draft.stream.by_rate
     columns = {name: v for name, v in draft.stream.columns.items() if name != by_rate}
+    named = [n for n, v in columns.items() if draft.hints[n].role == "time" and _grows(v, COARSEST)]
     growing = [name for name, values in columns.items() if _grows(values)]
-    named = [name for name in growing if draft.hints[name].role == "time"]
     if named:
         return named[0]
     by_unit = [name for name in growing if is_time(draft.hints[name].unit)]
@@ -86,12 +87,13 @@ def _time_column(draft: Draft) -> str | None:
     return nameless[0] if nameless else by_rate
 
 
-def _grows(values: np.ndarray) -> bool:
+def _grows(values: np.ndarray, often: float = 0.02) -> bool:
+    """Whether a column (n,) grows, in more than a share of its steps."""
     values = values[np.isfinite(values)]
     if len(values) < 3:
         return False
     steps = np.diff(values)
-    return bool(np.mean(steps >= 0) >= MIN_GROWING and np.mean(steps > 0) > 0.02)
+    return bool(np.mean(steps >= 0) >= MIN_GROWING and np.mean(steps > 0) > often)
 
 
 def _even(values: np.ndarray) -> bool:

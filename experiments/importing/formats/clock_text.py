@@ -4,8 +4,11 @@ import re
 
 import numpy as np
 
+from experiments.importing.units import canonical, factor
+
+_SPAN = re.compile(r"\s*(\d+(?:[.,]\d+)?(?:e[-+]?\d+)?)\s*([a-zµμ]+)\s*")
 _CLOCK = re.compile(
-    r"\s*(?:(\d{4}-\d\d-\d\d)[T ]|\d{1,4}[./-]\d{1,2}[./-]\d{1,4},?\s+)?"
+    r"\s*(?:(\d{4}-\d\d-\d\d)[T ]|\d{1,4}[./-]\d{1,2}[./-]\d{1,4},?\s+|(\d+) days?,? )?"
     r"(\d{1,2}):(\d\d):(\d\d(?:[.,]\d+)?)\s*([AaPp][Mm])?\s*"
     r"(?:Z|UTC|([+-]\d\d):?(\d\d))?\s*"
 )
@@ -13,17 +16,28 @@ _CLOCK = re.compile(
 
 def is_clock(cell: str) -> bool:
     """Whether the text is a time of day."""
-    return _CLOCK.fullmatch(cell) is not None
+    return _CLOCK.fullmatch(cell) is not None or _span_s(cell) is not None
+
+
+def _span_s(cell: str) -> float | None:
+    """Seconds of a number with its unit, `0.02 sec`; None: it is none."""
+    match = _SPAN.fullmatch(cell)
+    unit = canonical(match[2]) if match else None
+    if match and unit in ("s", "min"):  # 1.5 ms is rather a servo's pulse
+        return float(match[1].replace(",", ".")) * (factor(unit, "t_s") or 1.0)
+    return None
 
 
 def clock_seconds(cell: str) -> float:
     """Seconds of a date of ISO 8601 with time (since 1970 at Greenwich), or of a time of day (since
-    midnight) whatever other date stands before it: which of its numbers is the day, is open."""
+    midnight) whatever other date stands before it: which of its numbers is the day, is open. Of a
+    span, too: `0 days 00:00:00.02`, `0.02 sec`."""
     match = _CLOCK.fullmatch(cell)
     if not match:
-        return np.nan
-    day, hours, minutes, seconds, half, zone_hours, zone_minutes = match.groups()
-    since = 0.0
+        span = _span_s(cell)
+        return np.nan if span is None else span
+    day, days, hours, minutes, seconds, half, zone_hours, zone_minutes = match.groups()
+    since = 86400.0 * int(days or 0)
     if day:
         try:
             since = float(np.datetime64(day, "s").astype(np.int64))

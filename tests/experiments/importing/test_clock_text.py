@@ -10,6 +10,8 @@ from experiments.importing.clock import growing_on, read_clock
 from experiments.importing.formats.choose import read_recording
 from experiments.importing.formats.clock_text import clock_seconds
 from experiments.importing.import_map import TimeMap
+from experiments.importing.proposal import propose
+from experiments.importing.recording import Stream
 
 
 @pytest.mark.parametrize(
@@ -58,3 +60,41 @@ def test_a_night_is_one_session(name: str, tmp_path: Path):
     path.write_text(text)
     clock = read_clock(read_recording(path).stream, TimeMap(column="at"))
     np.testing.assert_array_equal(clock.t_s, np.arange(60))
+
+
+K = np.arange(60)
+
+
+def _recorded(path: Path, text: str) -> Stream:
+    """The one stream of a file with this text."""
+    path.write_text(text)
+    return read_recording(path).stream
+
+
+@pytest.mark.parametrize("clock", ["{:.6g} sec", "{:.6g} s", "0 days 00:00:{:09.6f}"])
+def test_spans_as_matlab_and_pandas_write_them(clock: str, tmp_path: Path):
+    rows = [f"{clock.format(k / 50)},{np.sin(k)},{np.cos(k)}" for k in K]
+    stream = _recorded(tmp_path / "a.csv", "Time,x_mm,servo_x_deg\n" + "\n".join(rows))
+    np.testing.assert_allclose(stream.columns["Time"], K / 50, atol=1e-9)
+    assert stream.units["Time"] == "s"
+
+
+def test_a_clock_of_whole_seconds_beside_a_date(tmp_path: Path):
+    rows = [f"05/13/2024,11:59:{5 + k // 100:02d} AM,{k % 7},{k % 5}" for k in range(600)]
+    stream = _recorded(tmp_path / "a.csv", "Date,Time,ball_x_mm,servo_x_deg\n" + "\n".join(rows))
+    assert dict(propose(stream).draft["time"]) == {"column": "Time", "unit": "s", "clock": "even"}
+
+
+def test_rows_that_were_written_twice_are_left_out():
+    twice = np.repeat(K, np.where(K % 9 == 4, 2, 1))
+    stream = Stream({"t": twice / 50, "x": np.sin(twice), "seen": np.where(twice % 3, 1, np.nan)})
+    clock = read_clock(stream, TimeMap(column="t"))
+    assert np.isfinite(clock.t_s).sum() == len(K)
+    fresh = Stream({"t": twice / 50, "x": np.arange(len(twice))})
+    with pytest.raises(ValueError, match="does not grow"):
+        read_clock(fresh, TimeMap(column="t"))
+
+
+def test_a_signed_counter_goes_on_at_its_lowest():
+    ticks = (np.arange(32000, 33600, 20.0) + 2**15) % 2**16 - 2**15
+    np.testing.assert_allclose(np.diff(growing_on(ticks, (2.0**16,))), 20)
