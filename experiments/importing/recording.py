@@ -6,11 +6,15 @@ from typing import Any
 
 import numpy as np
 
+from experiments.importing.names import hint
+from experiments.importing.units import canonical, factor, is_time
+
 MAX_COLUMNS = (
     2000  # chosen: a table has fewer than a hundred signals, a laboratory's file a few more
 )
 MAX_VALUE = 1e20  # a date in nanoseconds is 2e18
 MAX_CELLS = 100_000_000  # chosen: 800 MB as doubles, a day of ten signals at 100 Hz
+SAME = 1e-3  # of a row: by so little two clocks differ in one moment when units are converted
 MIN_ROWS = 20  # fewer say nothing: `rig gap` needs so many
 MAX_LOST = 0.01  # chosen: share of lines that a serial port garbles
 TWICE = "a column's name stands twice: {}; rename one of them"
@@ -133,7 +137,8 @@ def joined(streams: Sequence[Stream]) -> Recording:
         for name in fresh.keys() & columns.keys():
             raise BadFileError(TWICE.format(name))
         if stream.time is not None and base.time is not None:
-            rows, kept, late = _rows_for(base.columns[base.time], stream.columns[stream.time])
+            stamps = stream.columns[stream.time] * _ticks(base, stream)
+            rows, kept, late = _rows_for(base.columns[base.time], stamps)
             late_s = max(late_s, late)
             if not len(rows):
                 after += fresh
@@ -159,6 +164,16 @@ def joined(streams: Sequence[Stream]) -> Recording:
     return Recording(replace(base, columns=columns, units=units, notes=()), tuple(notes))
 
 
+def _ticks(base: Stream, other: Stream) -> float:
+    """How many units of the clock of `base` one of the clock of `other` is: 1 where one is open."""
+    sizes = []
+    for stream in (base, other):
+        name = stream.time or ""
+        unit = canonical(stream.units.get(name, "")) or hint(name).unit or ""
+        sizes.append(factor(unit, "t_s") if is_time(unit) else None)
+    return sizes[1] / sizes[0] if all(sizes) else 1.0
+
+
 def _rows_for(clock: np.ndarray, stamps: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
     """Rows of `clock` (n,) that take the samples at `stamps` (m,), which samples, and how late.
 
@@ -169,7 +184,9 @@ def _rows_for(clock: np.ndarray, stamps: np.ndarray) -> tuple[np.ndarray, np.nda
         raise BadFileError("it has several streams, and the clock of the fastest runs backwards")
     order = np.argsort(stamps, kind="stable")
     order = order[np.isfinite(stamps[order])]
-    rows = np.searchsorted(clock, stamps[order], side="left")
+    steps = np.diff(clock)
+    rounding = SAME * float(np.median(steps)) if len(steps) else 0.0
+    rows = np.searchsorted(clock, stamps[order] - rounding, side="left")
     order, rows = order[rows < len(clock)], rows[rows < len(clock)]
     last = np.append(rows[1:] != rows[:-1], True)[: len(rows)]
     order, rows = order[last], rows[last]

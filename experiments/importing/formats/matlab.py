@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from experiments.importing.names import hint
 from experiments.importing.recording import (
     MAX_CELLS,
     MIN_ROWS,
@@ -147,7 +148,8 @@ def _streams(name: str, tree: Mapping[str, Any]) -> Iterator[Stream]:
             continue
         for part, numbers in _columns(full, value):
             columns[part] = numbers
-            if key.lower() in TIME_NAMES and part == full:
+            named = key.lower() in TIME_NAMES
+            if part == full and (named or (time is None and _is_time(key, numbers))):
                 time = part
     if time is None:
         by_length: dict[int, dict[str, np.ndarray]] = {}
@@ -161,6 +163,11 @@ def _streams(name: str, tree: Mapping[str, Any]) -> Iterator[Stream]:
         rest = {k: v for k, v in columns.items() if len(v) != rows}
         if rest:
             yield from _streams("", rest)
+
+
+def _is_time(key: str, numbers: np.ndarray) -> bool:
+    """Whether an array is the time of its group: by its name, and it grows."""
+    return hint(key).role == "time" and bool(np.all(np.diff(numbers) > 0))
 
 
 def _simulink(tree: Mapping[str, Any]) -> Mapping[str, Any]:

@@ -3,11 +3,13 @@
 import json
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 from mcap.writer import Writer
 
 from experiments.importing.formats.bags import read_bag
+from experiments.importing.formats.choose import read_recording
 from experiments.importing.formats.tdms import read_tdms
 from experiments.importing.recording import Stream, joined
 from tests.support.parts import needs
@@ -75,3 +77,15 @@ def test_a_stream_that_begins_after_the_rows_is_left_out_and_told():
     found = joined([base, late])
     assert [*found.stream.columns] == ["t", "a"]
     assert found.notes == ("left out, later than every row of the fastest: b",)
+
+
+def test_groups_of_hdf5_with_stamps_in_units_of_their_own(tmp_path: Path):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        for group, name, every, unit in (("servo", "stamp", 1, "s"), ("ball", "t_ms", 2, "ms")):
+            times = T[::every] * (1 if unit == "s" else 1000)
+            file[f"{group}/{name}"] = times
+            file[f"{group}/{name}"].attrs["units"] = unit
+            file[f"{group}/x"] = np.sin(T[::every])
+    stream = read_recording(tmp_path / "a.h5").stream
+    assert (stream.time, np.isfinite(stream.columns["ball.x"]).sum()) == ("servo.stamp", 25)
+    np.testing.assert_allclose(stream.columns["ball.x"][::2], np.sin(T[::2]))
