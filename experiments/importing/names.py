@@ -13,12 +13,12 @@ WORDS = {
     "ball": "xb yb obj object ball kugel palla bille balle bola bal kula marble sphere blob "
     "centroid esfera balón bolita",
     "place": "pos position lage ort point xy pv touch touchscreen touchpad",
-    "target": "target setpoint sp ref des soll goal want wanted sollwert rif objetivo alvo "
+    "target": "target set setpoint sp ref des soll goal want wanted sollwert rif objetivo alvo "
     "referência doel",
     "angle": "angle theta servo tilt winkel alpha beta roll pitch arm joint phi platte plate "
     "plat actuator stepper brazo placa plateau servomotor rotation rotazione rotacion rotación "
     "hoek plaat neigung platten pan",
-    "command": "set cmd mv action out output ctrl control applied stellwinkel mando orden saida "
+    "command": "cmd mv action out output ctrl control applied stellwinkel mando orden saida "
     "saída uitgang pulse pulses pulsewidth impuls impulsion impulso pulso",
     "measured": "meas actual act ist enc feedback present state real fb joint imu mpu "
     "inclinometer gemeten",
@@ -38,7 +38,7 @@ WORDS = {
 }
 _ROLES = {word: role for role, words in WORDS.items() for word in words.split()}
 STEMS = {  # of words that languages end in many ways
-    "command": "comand command kommand stell actuat attuat angesteuert",
+    "command": "comand command kommand mandad stell actuat attuat angesteuert",
     "measured": "measur gemess mesur misur medid rilev encoder",
     "target": "sollw consign desir desej desead gewens refer",
     "ball": "kugel pelot pallin",

@@ -46,3 +46,9 @@ def test_beside_a_present_position_a_position_is_a_servos():
     found = hints(["goal_pos_1", "present_pos_1", "ball_goal_pos_x", "ball_pos_x"], {})
     assert [one.role for one in found.values()] == ["command", "theta", "target", "ball"]
     assert hint("goal_pos_1").role == "target"
+
+
+def test_a_bare_set_is_the_balls_target():
+    """`setX` was a commanded angle, beside `servo1` then taken for the measured one."""
+    assert hint("setX").role == hint("x_set").role == "target"
+    assert hint("set_angle_x_deg").role == hint("servo_x_set").role == "command"
