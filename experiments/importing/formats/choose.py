@@ -61,7 +61,8 @@ def read_recording(path: Path) -> Recording:
     if reader is None:
         raise BadFileError(
             f"{path}: no kind of recording that is known: {', '.join(READERS)}, the folder "
-            "of a LeRobot data set (with meta/info.json) or of a ROS 2 bag"
+            "of a LeRobot data set (with meta/info.json) or of a ROS 2 bag; save a spreadsheet's "
+            "sheet as .csv, unpack what is packed"
         )
     try:
         with np.errstate(all="ignore"):  # damaged floats warn where they become doubles

@@ -27,6 +27,7 @@ from experiments.importing.units import canonical
 from experiments.records.csv_files import blocks_of, lines_of
 
 SEPARATORS = (" ", ",", "|", "\t", ";")  # the later, the less likely to mean anything else
+FOLLOWING = 10  # lines; chosen: half of a LabVIEW header, in which numbers stand among words
 PREAMBLE_LINES = 200  # chosen: LabVIEW's longest headers have some thirty lines
 MAX_BYTES = 1_000_000_000
 _UNIT_CELL = re.compile(r"[\[(]?\s*[A-Za-zµμ°%/0-9^*·\s-]*\s*[\])]?")
@@ -150,7 +151,7 @@ def _layout(head: Sequence[str]) -> tuple[str, int]:
             check_size(0, max(line.count(separator) for line in head) + 1)
         rows = _split(head, separator)
         numeric = [len(cells) > 1 and _mostly_numbers(cells) for cells in rows]
-        first = next((i for i, yes in enumerate(numeric) if yes), None)
+        first = next((i for i, yes in enumerate(numeric) if yes and _begins(rows[i:])), None)
         if first is None:
             continue
         width = len(rows[first])
@@ -163,13 +164,26 @@ def _layout(head: Sequence[str]) -> tuple[str, int]:
     return best[1], best[2]
 
 
+def _begins(rows: Sequence[Sequence[str]]) -> bool:
+    """Whether the first row begins a block of numbers: at most one of words follows soon. A line
+    of numbers among lines of words is of the preamble."""
+    behind = rows[1 : 1 + FOLLOWING]
+    counts = [_counts(cells) for cells in behind]
+    return sum(words > numbers for numbers, words in counts) <= 1
+
+
 def _mostly_numbers(cells: Sequence[str]) -> bool:
     """Whether a line is one of data: numbers stand in it, and at most half of the rest is words."""
     if any(_several_numbers(cell) for cell in cells):
         return False
-    numbers = sum(map(_is_number, cells))
-    words = sum(bool(cell.strip()) for cell in cells) - numbers
+    numbers, words = _counts(cells)
     return numbers >= 2 and words <= numbers / 2
+
+
+def _counts(cells: Sequence[str]) -> tuple[int, int]:
+    """How many numbers, and how many words, a line has."""
+    numbers = sum(map(_is_number, cells))
+    return numbers, sum(bool(cell.strip()) for cell in cells) - numbers
 
 
 def _several_numbers(cell: str) -> bool:
@@ -186,6 +200,7 @@ def _is_number(cell: str) -> bool:
 def _named(lines: Iterable[Sequence[str]], width: int) -> list[list[str]]:
     """Cells, as bare words, of those lines that may name `width` columns or their units."""
     fitting = [[c.strip(' \t"').lstrip("#%").strip() for c in cells] for cells in lines]
+    fitting = [cells[len(cells) == width + 1 and not cells[0] :] for cells in fitting]
     fitting = [cells + [""] * (len(cells) == width - 1) for cells in fitting]
     return [cells for cells in fitting if len(cells) == width and sum(map(bool, cells)) > 1]
 
@@ -222,13 +237,20 @@ def _header(fitting: Sequence[list[str]], width: int) -> tuple[list[str], dict[s
         if len(fitting) > 1 and all(map(_is_unit, cells)):
             said, cells = cells, fitting[-2]
         else:
-            said = [""] * width
+            said = next(filter(_are_units, reversed(fitting[:-1])), [""] * width)
+            said = [one if canonical(one.strip("[]() ")) else "" for one in said]
         names = [cell or name for cell, name in zip(cells, names, strict=True)]
         units = {n: u.strip("[]() ") for n, u in zip(names, said, strict=True) if u}
     twice = {name for name in names if names.count(name) > 1} if width <= MAX_COLUMNS else set()
     if twice:
         raise BadFileError(TWICE.format(", ".join(sorted(twice))))
     return names, units
+
+
+def _are_units(cells: Sequence[str]) -> bool:
+    """Whether a line above the names says units: two known ones at least, and a word at most."""
+    known = sum(canonical(cell.strip("[]() ")) is not None for cell in cells)
+    return known > 1 and sum(map(bool, cells)) - known <= 1
 
 
 def _is_unit(cell: str) -> bool:

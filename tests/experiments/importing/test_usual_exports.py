@@ -1,0 +1,55 @@
+"""Tables as programs write them: LabVIEW's channels and units, numpy's `#`, spreadsheets."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from experiments.importing.formats.choose import read_recording
+from experiments.importing.recording import Stream
+
+K = np.arange(60)
+WAVES = (30 * np.sin(K / 9), 5 * np.cos(K / 7))
+LABVIEW = """LabVIEW Measurement\t
+Separator\tTab
+***End_of_Header***\t
+\t
+Channels\t2\t\t
+Samples\t60\t60\t
+Date\t2023/11/02\t2023/11/02\t
+Time\t10:14:33.51\t10:14:33.51\t
+Y_Unit_Label\tdeg\tmm\t
+X_Dimension\tTime\tTime\t
+X0\t0.0E+0\t0.0E+0\t
+Delta_X\t0.020000\t0.020000\t
+***End_of_Header***\t\t\t
+X_Value\tTilt\tBall\tComment
+"""
+
+
+def recorded(path: Path, text: str) -> Stream:
+    """The one stream of a file with this text."""
+    path.write_text(text)
+    return read_recording(path).stream
+
+
+def test_labviews_header_of_channels_is_none_of_the_table_and_says_the_units(tmp_path: Path):
+    rows = [f"{k / 50:.6f}\t{np.sin(k):.6f}\t{np.cos(k):.6f}\t" for k in K]
+    stream = recorded(tmp_path / "a.lvm", LABVIEW + "\n".join(rows))
+    assert [*stream.columns] == ["X_Value", "Tilt", "Ball", "Comment"]
+    assert stream.units == {"Tilt": "deg", "Ball": "mm"}
+    np.testing.assert_allclose(stream.columns["X_Value"], K / 50)
+
+
+@pytest.mark.parametrize("separator", [" ", "\t", ","])
+def test_numpys_own_line_of_names(separator: str, tmp_path: Path):
+    table = np.stack([K / 50, *WAVES], axis=1)
+    names = ["t[s]", "ball_x[mm]", "servo_x[deg]"]
+    np.savetxt(tmp_path / "a.txt", table, header=separator.join(names), delimiter=separator)
+    assert [*read_recording(tmp_path / "a.txt").stream.columns] == names
+
+
+def test_a_spreadsheet_says_what_to_do(tmp_path: Path):
+    (tmp_path / "a.xlsx").write_bytes(b"PK")
+    with pytest.raises(ValueError, match=r"save a spreadsheet's sheet as \.csv"):
+        read_recording(tmp_path / "a.xlsx")
