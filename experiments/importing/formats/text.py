@@ -234,11 +234,13 @@ def _header(fitting: Sequence[list[str]], width: int) -> tuple[list[str], dict[s
     units: dict[str, str] = {}
     if fitting:
         cells = fitting[-1]
-        if len(fitting) > 1 and all(map(_is_unit, cells)):
+        if len(fitting) > 1 and _below_names(cells, fitting[-2]):
             said, cells = cells, fitting[-2]
         else:
             said = next(filter(_are_units, reversed(fitting[:-1])), [""] * width)
-            said = [one if canonical(one.strip("[]() ")) else "" for one in said]
+            said = [one if _known(one) else "" for one in said]
+        above = [line for line in fitting if line not in (cells, said, fitting[-1])]
+        cells = _told_apart(cells, above)
         names = [cell or name for cell, name in zip(cells, names, strict=True)]
         units = {n: u.strip("[]() ") for n, u in zip(names, said, strict=True) if u}
     twice = {name for name in names if names.count(name) > 1} if width <= MAX_COLUMNS else set()
@@ -247,16 +249,39 @@ def _header(fitting: Sequence[list[str]], width: int) -> tuple[list[str], dict[s
     return names, units
 
 
+def _below_names(cells: Sequence[str], names: Sequence[str]) -> bool:
+    """Whether cells are the units below these names: one is known, or each name stands once."""
+    return all(map(_is_unit, cells)) and (_once_each(names) or any(map(_known, cells)))
+
+
+def _once_each(names: Sequence[str]) -> bool:
+    """Whether each name but blank ones stands once."""
+    told = [name for name in names if name]
+    return len({*told}) == len(told)
+
+
+def _known(cell: str) -> bool:
+    return canonical(cell.strip("[]() ")) is not None
+
+
+def _told_apart(names: list[str], above: Sequence[list[str]]) -> list[str]:
+    """The names, with the words `above` them before each where some stand twice without these."""
+    for line in reversed(above):
+        if _once_each(names):
+            break
+        names = [f"{one} {name}".strip() for one, name in zip(line, names, strict=True)]
+    return names
+
+
 def _are_units(cells: Sequence[str]) -> bool:
     """Whether a line above the names says units: two known ones at least, and a word at most."""
-    known = sum(canonical(cell.strip("[]() ")) is not None for cell in cells)
+    known = sum(map(_known, cells))
     return known > 1 and sum(map(bool, cells)) - known <= 1
 
 
 def _is_unit(cell: str) -> bool:
     """Whether a cell may be a unit: a known one, or as short as a name seldom is."""
-    known = canonical(cell.strip("[]() ")) is not None
-    return known or (len(cell) < 9 and _UNIT_CELL.fullmatch(cell) is not None)
+    return _known(cell) or (len(cell) < 9 and _UNIT_CELL.fullmatch(cell) is not None)
 
 
 def _is_clock(cells: Sequence[str]) -> bool:

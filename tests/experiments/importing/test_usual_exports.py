@@ -53,3 +53,15 @@ def test_a_spreadsheet_says_what_to_do(tmp_path: Path):
     (tmp_path / "a.xlsx").write_bytes(b"PK")
     with pytest.raises(ValueError, match=r"save a spreadsheet's sheet as \.csv"):
         read_recording(tmp_path / "a.xlsx")
+
+
+def test_names_that_stand_twice_are_told_apart_by_the_line_above(tmp_path: Path):
+    rows = "\n".join(f"{k / 50},{np.sin(k):.4f},{np.cos(k):.4f}" for k in K)
+    wide = "\n".join(f"{k / 50},{k % 7},{k % 5},{k % 3},{k % 4}" for k in K)
+    head = "time_s,ball_mm,ball_mm,servo_deg,servo_deg\n,x,y,x,y"
+    two = recorded(tmp_path / "a.csv", f"{head}\n{wide}")
+    assert [*two.columns][1:] == ["ball_mm x", "ball_mm y", "servo_deg x", "servo_deg y"]
+    three = recorded(tmp_path / "b.csv", f",ball,servo\n,position,position\ntime,x,x\n{rows}")
+    assert [*three.columns] == ["time", "ball position x", "servo position x"]
+    with pytest.raises(ValueError, match="stands twice"):
+        recorded(tmp_path / "c.csv", f"time,x,x\n{rows}")
