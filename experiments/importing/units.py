@@ -56,13 +56,14 @@ _NAMED = {spelling: unit for unit, spellings in _SPELLED.items() for spelling in
 _PART = re.compile(r"(1|turn)/(\d{1,9})")
 # Decimals, parts and powers of ten: another whole number is an index (`servo_2deg`).
 _FRONT = re.compile(r"(1/[1-9]\d*|10\^-?\d+|10+|\d*[.,]\d+|\d+e-?\d+)[*x·×]?([^\d*x·×].*)")
+_TIMES = re.compile(r"[x*×](10+)([^\d*x·×].*)")  # x100 mm: a hundred times the millimetres
 _BEHIND = re.compile(r"(.+?)[*x·×/]?(10+)")
 
 
 def canonical(text: str) -> str | None:
     """The unit that somebody's spelling means; None where it means none.
 
-    A number may stand before it, as in `0.1 mm`; `mm*10`, `mm x10` and `mm/10` are all 0.1 mm.
+    A number may stand before it, as in `0.1 mm`; `mm*10`, `mm/10` and `x10 mm` are all 0.1 mm.
     """
     text = text.strip()
     if text in ("M", "S"):  # mega and siemens; nobody's metre
@@ -79,6 +80,8 @@ def _multiple(text: str) -> str | None:
         if size.startswith("10^"):
             size = f"1e{size[3:]}"
         times = 1 / float(size[2:]) if size.startswith("1/") else float(size)
+    elif times_ten := _TIMES.fullmatch(text):
+        times, unit = 1 / float(times_ten[1]), _NAMED.get(times_ten[2])
     elif behind := _BEHIND.fullmatch(text):
         times, unit = 1 / float(behind[2]), _NAMED.get(behind[1])
     else:

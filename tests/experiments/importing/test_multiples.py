@@ -11,7 +11,7 @@ from experiments.importing.recording import Stream
 from experiments.importing.units import canonical, factor
 from tests.support.strangers.bench import run
 
-TENTHS = ["0.1 mm", "0,1mm", "1/10 mm", "mm*10", "mm x10", "mm/10", "1e-1 mm", "10^-1 mm"]
+TENTHS = ["0.1 mm", "0,1mm", "1/10 mm", "mm*10", "mm x10", "x10 mm", "mm/10", "1e-1 mm", "10^-1 mm"]
 
 
 @pytest.mark.parametrize("text", TENTHS)
