@@ -32,6 +32,7 @@ WORDS = {
     "confidence z score reward done torque effort force moment load current_draw trim bias vx vy "
     "xdot ydot mps mmps cmps",
     "motor": "motor",
+    "session": "run trial session episode take versuch lauf durchgang essai prueba ensayo prova",
     "seen": "detected found visible seen valid tracked erkannt gefunden sichtbar gueltig gültig "
     "detecte detecté détecté trouve trouvé trovato visto valido detectado encontrado gezien "
     "gevonden",
@@ -65,9 +66,9 @@ _BRACKETS = re.compile(r"[\[({<]\s*([^\])}>]{1,12})\s*[\])}>]")
 @dataclass(frozen=True)
 class Hint:
     """What a name says. role: time, ball, target, theta, command, angle (commanded or measured is
-    open), speed, voltage, share, current, seen (was there a ball?), or other; axis: x, y or none;
-    clear: the word for an angle is one that nobody gives to a share or a count; derived: filtered
-    or estimated by somebody's program; explicit: a word for the ball stands in it.
+    open), speed, voltage, share, current, seen (was there a ball?), session, or other; axis: x, y
+    or none; clear: the word for an angle is one that nobody gives to a share or a count; derived:
+    filtered or estimated by somebody's program; explicit: a word for the ball stands in it.
     """
 
     role: str | None
@@ -81,12 +82,17 @@ class Hint:
 def hints(names: Iterable[str], units: Mapping[str, str]) -> dict[str, Hint]:
     """What each of a file's names says, of which some tell what others mean: `roll_d` is the
     desired roll, but beside `roll_p` the derivative's share, and beside `roll_c` the fourth; beside
-    `present_position` a position is a servo's, as bus servos call it."""
+    `present_position` a position is a servo's, as bus servos call it; beside `orientation.w` the
+    others are parts of a quaternion, no angles and no places."""
     split = {name: _words(name) for name in names}
     others = {tuple(w[:i]) for w in split.values() for i in _letters(w) if w[i] != "d"}
+    turns = {tuple(w[:-1]) for w in split.values() if w[-1:] == ["w"]}
     bus = any({"present", *_POSITION} & set(w) > {"present"} for w in split.values())
     read = {}
     for name, words in split.items():
+        if words[-1:] in (["w"], ["x"], ["y"], ["z"]) and tuple(words[:-1]) in turns:
+            read[name] = Hint("other", None, None)
+            continue
         servos = {"present", "goal"} & set(words) and _POSITION & set(words)
         if bus and servos and not any(_role_of(word) == "ball" for word in words):
             read[name] = hint(f"servo {name}", units.get(name))
@@ -207,6 +213,8 @@ def _role(words: list[str], roles: list[str], unit: str | None) -> str | None:
     """The role of a column by the words of its name, then by its unit."""
     kind = quantity(unit) if unit else None
     has = set(roles)
+    if has == {"session"} and unit is None:
+        return "session"
     if "seen" in has and has <= {"seen", "ball"}:
         return "seen"
     if words and words[-1] in ("stamp", "timestamp"):

@@ -8,7 +8,7 @@ from experiments.importing.clock import coarse, read_clock
 from experiments.importing.draft import Draft
 from experiments.importing.import_map import time_map
 from experiments.importing.names import Hint
-from experiments.importing.recording import BadFileError
+from experiments.importing.recording import MIN_ROWS, BadFileError
 from experiments.importing.units import FACTORS, factor, is_time
 
 STEPS_S = (2e-4, 0.25)  # between rows: faster than any such table is read, slower than one can be
@@ -27,9 +27,10 @@ NAMES = {
 
 def find_time(draft: Draft) -> None:
     """Settle where the time comes from and in which unit; doubt what is open."""
-    said = draft.said.get("time", {})
+    said = {"session": draft.stream.session or _session_column(draft)}
+    said |= draft.said.get("time", {})
     if "rate_hz" in said:
-        draft.time = {"session": draft.stream.session, **said}
+        draft.time = dict(said)
         draft.because("time", f"rows every {1000 / said['rate_hz']:.4g} ms, as stated")
     else:
         column = said.get("column") or draft.stream.time or _time_column(draft)
@@ -40,7 +41,7 @@ def find_time(draft: Draft) -> None:
                 why = f"{named[0]} is a time by its name, but does not grow (sort the rows)"
             draft.doubt(["time"], "rate_hz", why)
             return
-        draft.time = {"column": column, "session": draft.stream.session, **said}
+        draft.time = {"column": column, **said}
         if "unit" not in said:
             _time_unit(draft, column)
     if "unit" not in draft.time and "rate_hz" not in draft.time:
@@ -85,6 +86,17 @@ def _time_column(draft: Draft) -> str | None:
         if not _counts(draft.stream.columns[name]) and _even(draft.stream.columns[name])
     ]
     return nameless[0] if nameless else by_rate
+
+
+def _session_column(draft: Draft) -> str | None:
+    """The column that numbers the sessions: by its name, and whole numbers that seldom change."""
+    for name, values in draft.stream.columns.items():
+        if draft.hints[name].role == "session" and np.all(values % 1 == 0):
+            changes = np.flatnonzero(np.diff(values)) + 1
+            if len(changes) and np.min(np.diff([0, *changes, len(values)])) >= MIN_ROWS:
+                draft.because("time", f"another {name} is another session")
+                return name
+    return None
 
 
 def _grows(values: np.ndarray, often: float = 0.02) -> bool:
@@ -228,7 +240,9 @@ def doubt_what_is_missing(
 
     BadFileError: there are too few columns for that, whatever they are.
     """
-    taken = {draft.time.get("column"), draft.time.get("session"), *volts.values()}
+    kinds = {name.split()[0] for name in angles}
+    drives = volts if "theta" in kinds else {}  # volts say nothing without what they turn
+    taken = {draft.time.get("column"), draft.time.get("session"), *drives.values()}
     taken |= {*ball.values(), *angles.values()}
     free = [
         name
@@ -237,8 +251,7 @@ def doubt_what_is_missing(
     ]
     unknown = [name for name in free if draft.hints[name].role is None]
     said = any(draft.is_said(f"ball_{axis}_m", "column") for axis in "xy")
-    kinds = {name.split()[0] for name in angles}
-    servo = bool(angles and volts) or len(kinds) > 1  # that can be compared without a ball
+    servo = bool(drives) or len(kinds) > 1  # that can be compared without a ball
     if not ball and not said and (unknown or not servo):
         if not free:
             still = [name for name in draft.stream.columns if not _changes(draft, name)]

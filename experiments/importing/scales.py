@@ -71,10 +71,18 @@ def settle_units(
     told = any(answer is not None for answer in answers.values())
     pick_b = b_said or (fitting[0][0] if fitting else "m")
     pick_a = a_said or (fitting[0][1] if fitting else "rad")
-    _use(draft, ball_names, pick_b)
-    _use(draft, angle_names, pick_a)
+    for names, unit in ((ball_names, pick_b), (angle_names, pick_a)):
+        for name in names.values():
+            draft.settle(name, unit=unit)
     gain = _gain_text(draft, answers, pick_b, pick_a, ball_names, angle_names)
-    if not fitting and told and b_said and a_said:
+    asked = {doubt.place for doubt in draft.doubts if doubt.key == "unit"}
+    if (
+        not fitting
+        and told
+        and b_said
+        and a_said
+        and not asked & {*ball_names.values(), *angle_names.values()}
+    ):
         told_units = (b_said, ball_names, ball), (a_said, angle_names, angles)
         _doubt_named(draft, gain, *told_units, answers)
     if ball and not b_said and not _sure_ball(draft, fitting, answers, ball_names, angle_names):
@@ -186,10 +194,13 @@ def _named(draft: Draft, names: Mapping[str, str], columns: Mapping[str, str]) -
     """The unit of a pair of columns: stated, or in a name; a brother's counts for both."""
     said = [draft.said[n]["unit"] for n in names.values() if draft.is_said(n, "unit")]
     if said:
-        for name in names.values():
+        for axis, name in names.items():
             factor(said[0], name)
+            own = draft.hints[columns[axis]].unit
+            if own not in (None, *said):
+                draft.doubt([name], "unit", f"{columns[axis]} says {own}", own, *said)
         return str(said[0])
-    found = {draft.hints[column].unit for column in columns.values()} - {None}
+    found = dict.fromkeys(draft.hints[column].unit for column in columns.values())
     fits = []
     for unit in found:
         if unit is None or (quantity(unit) is None and unit != "us" and "/" not in unit):
@@ -203,13 +214,10 @@ def _named(draft: Draft, names: Mapping[str, str], columns: Mapping[str, str]) -
         fits.append(unit)
     if len(fits) > 1:
         why = f"{' and '.join(columns.values())} are in different units"
-        draft.doubt(list(names.values()), "unit", why, *fits)
+        for axis, name in names.items():
+            own = draft.hints[columns[axis]].unit
+            draft.doubt([name], "unit", why, *sorted(fits, key=lambda unit: unit != own))
     return fits[0] if fits else None
-
-
-def _use(draft: Draft, names: Mapping[str, str], unit: str) -> None:
-    for name in names.values():
-        draft.settle(name, unit=unit)
 
 
 def _all_said(draft: Draft, names: Mapping[str, str], key: str) -> bool:
@@ -217,7 +225,9 @@ def _all_said(draft: Draft, names: Mapping[str, str], key: str) -> bool:
 
 
 def _si(draft: Draft, name: str, unit: str) -> float | None:
-    """SI in one `unit`: by its factor, or by a stated scale; None where neither is known."""
+    """SI in one `unit`, or in the one that was stated: by its factor, or by a stated scale; None
+    where neither is known."""
+    unit = draft.said.get(name, {}).get("unit", unit)
     own = factor(unit, name)
     return own if own is not None else draft.said.get(name, {}).get("scale")
 

@@ -1,0 +1,67 @@
+"""Axes whose units differ, quaternions, and sessions that a column numbers."""
+
+import numpy as np
+import pytest
+
+from experiments.importing.conversion import convert
+from experiments.importing.import_map import stated
+from experiments.importing.names import hints
+from experiments.importing.proposal import propose
+from experiments.importing.recording import Stream
+from tests.support.strangers.bench import Run, run
+
+
+def file_of(one: Run, y_unit: str = "mm") -> dict[str, np.ndarray]:
+    """What a lab writes down of a run, the ball's y in another unit."""
+    degrees = np.degrees(one.command_rad)
+    size = {"mm": 1e3, "cm": 1e2}[y_unit]
+    return {
+        "t_s": one.t_s,
+        "servo_cmd_x_deg": degrees[:, 0],
+        "servo_cmd_y_deg": degrees[:, 1],
+        "ball_x_mm": 1e3 * one.ball_m[:, 0],
+        f"ball_y_{y_unit}": size * one.ball_m[:, 1],
+    }
+
+
+@pytest.fixture(scope="module")
+def one() -> Run:
+    return run(seed=5)
+
+
+def test_units_that_differ_are_asked_axis_by_axis(one: Run):
+    """`--set ball.unit=mm`, as the line said, made y's tenths, of a table's gain."""
+    columns = file_of(one, "cm")
+    options = [doubt.option for doubt in propose(Stream(columns)).doubts]
+    assert options == ["--set ball_x_m.unit=mm or cm", "--set ball_y_m.unit=cm or mm"]
+    said = ("ball_x_m.unit=mm", "ball_y_m.unit=cm")
+    half = propose(Stream(columns), stated(list(said[:1])))
+    assert [doubt.option for doubt in half.doubts] == ["--set ball_y_m.unit=cm or mm"]
+    log = convert(Stream(columns), propose(Stream(columns), stated(list(said))).map())[0]
+    np.testing.assert_allclose(log["ball_y_m"], one.ball_m[:, 1], atol=1e-9)
+
+
+def test_a_column_that_numbers_runs_begins_sessions_though_the_time_goes_on(one: Run):
+    """A hand puts the ball back in a pause of a second: no table's motion."""
+    half = len(one.t_s) // 2
+    columns = file_of(one) | {"trial": np.repeat([1.0, 2.0], [half, len(one.t_s) - half])}
+    made = propose(Stream(columns)).map()
+    assert made.time.session == "trial"
+    assert [len(log) for log in convert(Stream(columns), made)] == [half, len(one.t_s) - half]
+    stays = propose(Stream(columns | {"trial": np.full(len(one.t_s), 3.0)})).map()
+    assert stays.time.session is None
+
+
+def test_parts_of_a_quaternion_are_neither_angles_nor_places():
+    names = [f"plate.orientation.{part}" for part in "xyzw"]
+    assert {one.role for one in hints(names, {}).values()} == {"other"}
+    assert hints(["Rotation X"], {})["Rotation X"].role == "angle"
+
+
+def test_volts_of_a_panel_are_no_reason_to_go_without_a_ball(one: Run):
+    """Commands beside volts that nothing measured follows made a log without a ball, unasked."""
+    columns = file_of(one)
+    for axis in "xy":
+        columns[f"U{axis} (V)"] = 2.5 + columns.pop(f"ball_{axis}_mm") / 60
+    found = propose(Stream(columns))
+    assert found.doubts[0].option == "--set ball_x_m.column=Ux (V) or Uy (V)"
