@@ -14,6 +14,7 @@ from experiments.importing.formats.split_stamps import whole_stamps
 from experiments.importing.formats.tables import read_lerobot, read_parquet
 from experiments.importing.formats.tdms import read_tdms
 from experiments.importing.formats.text import read_text
+from experiments.importing.formats.turns import unwound
 from experiments.importing.recording import BadFileError, Recording, joined
 from rig.files import printable
 
@@ -66,7 +67,7 @@ def read_recording(path: Path) -> Recording:
         )
     try:
         with np.errstate(all="ignore"):  # damaged floats warn where they become doubles
-            return joined([whole_stamps(stream) for stream in reader(path)])
+            return joined([unwound(whole_stamps(stream)) for stream in reader(path)])
     except BadFileError as error:
         raise BadFileError(f"{path}: {printable(error)[:LONGEST_WORDS]}") from error
 
