@@ -75,14 +75,7 @@ def settle_units(
         for name in names.values():
             draft.settle(name, unit=unit)
     gain = _gain_text(draft, answers, pick_b, pick_a, ball_names, angle_names)
-    asked = {doubt.place for doubt in draft.doubts if doubt.key == "unit"}
-    if (
-        not fitting
-        and told
-        and b_said
-        and a_said
-        and not asked & {*ball_names.values(), *angle_names.values()}
-    ):
+    if not fitting and told and b_said and a_said:
         told_units = (b_said, ball_names, ball), (a_said, angle_names, angles)
         _doubt_named(draft, gain, *told_units, answers)
     if ball and not b_said and not _sure_ball(draft, fitting, answers, ball_names, angle_names):
@@ -153,7 +146,9 @@ def _doubt_named(
 
     ball, angle: unit as named, axis -> name in the log, axis -> column.
     """
-    if all(_all_said(draft, names, "unit") for _, names, _ in (ball, angle)):
+    asked = {doubt.place for doubt in draft.doubts if doubt.key == "unit"}
+    both = {*ball[1].values(), *angle[1].values()}
+    if asked & both or all(draft.is_said(name, "unit") for name in both):
         return
 
     def fit(b: str, a: str) -> bool:
@@ -218,10 +213,6 @@ def _named(draft: Draft, names: Mapping[str, str], columns: Mapping[str, str]) -
             own = draft.hints[columns[axis]].unit
             draft.doubt([name], "unit", why, *sorted(fits, key=lambda unit: unit != own))
     return fits[0] if fits else None
-
-
-def _all_said(draft: Draft, names: Mapping[str, str], key: str) -> bool:
-    return all(draft.is_said(name, key) for name in names.values())
 
 
 def _si(draft: Draft, name: str, unit: str) -> float | None:
