@@ -1,6 +1,6 @@
 """Volts, shares, currents, speeds and targets: settled after the angles and the ball."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -116,7 +116,7 @@ def _settle_rest(draft: Draft, name: str, column: str, response: Response | None
         draft.because("drive", f"{column} is {zero:.4g} at rest: {best:g} is taken off")
 
 
-def _unit(draft: Draft, names: Sequence[str]) -> str:
+def _unit(draft: Draft, names: list[str]) -> str:
     """The unit of the volts of these names, settled; in doubt where it is in no column's name and
     not in the range."""
     unit = next((draft.said[n]["unit"] for n in names if draft.is_said(n, "unit")), None)
@@ -126,7 +126,7 @@ def _unit(draft: Draft, names: Sequence[str]) -> str:
     return unit
 
 
-def _likely_unit(draft: Draft, names: Sequence[str]) -> str:
+def _likely_unit(draft: Draft, names: list[str]) -> str:
     """The unit by name and range; a doubt where they do not tell."""
     columns = {draft.signals[name]["column"]: draft.signals[name]["offset"] for name in names}
     hints = [draft.hints[column] for column in columns]

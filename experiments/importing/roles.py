@@ -1,6 +1,7 @@
 """Which columns are the time, the ball, the angles, the drive: by names, units and the clock."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -27,7 +28,7 @@ NAMES = {
 
 def find_time(draft: Draft) -> None:
     """Settle where the time comes from and in which unit; doubt what is open."""
-    said = {"session": draft.stream.session or _session_column(draft)}
+    said: dict[str, Any] = {"session": draft.stream.session or _session_column(draft)}
     said |= draft.said.get("time", {})
     if "rate_hz" in said:
         draft.time = dict(said)
@@ -93,7 +94,8 @@ def _session_column(draft: Draft) -> str | None:
     for name, values in draft.stream.columns.items():
         if draft.hints[name].role == "session" and np.all(values % 1 == 0):
             changes = np.flatnonzero(np.diff(values)) + 1
-            if len(changes) and np.min(np.diff([0, *changes, len(values)])) >= MIN_ROWS:
+            rows = np.diff(np.concatenate(([0], changes, [len(values)])))
+            if len(changes) and np.min(rows) >= MIN_ROWS:
                 draft.because("time", f"another {name} is another session")
                 return name
     return None
