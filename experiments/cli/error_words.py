@@ -19,7 +19,8 @@ def usage_words(error: Any, given: list[str]) -> str:
 
 
 def error_words(error: Exception) -> str:
-    """The error in words; one of the system's own is "FILE: what it says"."""
-    if isinstance(error, OSError) and error.filename is not None and error.strerror:
-        return f"{error.filename}: {error.strerror}"
+    """The error in words; one of the system's own is "FILE: what it says", without its number."""
+    if isinstance(error, OSError) and error.strerror:
+        named = "" if error.filename is None else f"{error.filename}: "
+        return f"{named}{error.strerror}"
     return str(error)

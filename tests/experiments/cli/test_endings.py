@@ -102,7 +102,7 @@ def test_a_standard_output_that_is_full_ends_with_one_line():
     with Path("/dev/full").open("wb") as full:
         done = subprocess.run(words, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
     assert done.returncode == 1
-    assert done.stderr.startswith("rig: [Errno 28] No space left on device")
+    assert done.stderr.startswith("rig: No space left on device; free some space")
     assert done.stderr.count("\n") == 1
 
 
