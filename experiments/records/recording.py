@@ -171,15 +171,24 @@ class Recorder:
         start = self._start | plain(notes)
         stop = stop_record(start, outcome, reason, self.rows, duration_s)
         try:
-            with suppress(OSError):  # without an ending the rows are readable too
-                self._write(plain_ending())
+            ended = self._end_file()
             if not self._is_in_place():
                 raise OSError(f"{self.folder}: samples.mcap was removed while it was recorded")
             replace_json(self.folder / "run.json", stop)
+            if not ended:  # on a full disk the older run.json has made room for it
+                self._end_file()
         finally:
             os.close(self._file)
         with suppress(OSError):
             self._compress()
+
+    def _end_file(self) -> bool:
+        """Whether the samples could be given their ending; without it the rows are readable too."""
+        try:
+            self._write(plain_ending())
+        except OSError:
+            return False
+        return True
 
     def _is_in_place(self) -> bool:
         """Whether the file that was written is the one in the folder still."""
@@ -294,9 +303,10 @@ def recover(folder: Path | str, outcome: str = "killed", reason: str = "recovere
     """Complete a run that was killed: whole records compressed and indexed, with this outcome and
     reason.
 
-    A run that had ended but lost rows gets the outcome "damaged"; a complete run is only read. A
-    file that held more than could be read, or columns and topics of another version or tool, stays
-    as samples.damaged.mcap, with its hash where an earlier one lies there.
+    A run that had ended but lost rows gets the outcome "damaged", one that has them all keeps its
+    own; a complete run is only read. A file that held more than could be read, or columns and
+    topics of another version or tool, stays as samples.damaged.mcap, with its hash where an earlier
+    one lies there.
     Errors as of `read_run`; ValueError: it is still being recorded; OSError: no room for the new
     file (the old one stays).
     """
@@ -311,9 +321,12 @@ def recover(folder: Path | str, outcome: str = "killed", reason: str = "recovere
     if run.meta["outcome"] is None or run.meta["truncated"]:
         meta = {key: value for key, value in run.meta.items() if key != "truncated"}
         last_s = float(run.log["t_s"][-1]) if len(run.log) else None
-        if run.meta["outcome"] is not None:
+        rows, ended = run.meta.get("rows"), run.meta["outcome"] is not None
+        if ended and rows is not None and len(run.log) >= rows:  # its ending, or an event, is lost
+            outcome, reason = str(run.meta["outcome"]), run.meta.get("reason") or ""
+        elif ended:
             outcome = "damaged"
-            reason = f"{len(run.log)} of {run.meta.get('rows')} rows left of a run that had ended"
+            reason = f"{len(run.log)} of {rows} rows left of a run that had ended"
         meta = stop_record(meta, outcome, reason, len(run.log), last_s)
         replace_json(run.folder / "run.json", meta)
     return read_run(folder)

@@ -347,6 +347,34 @@ def test_a_full_disk_is_said_and_what_was_written_stays(tmp_path, monkeypatch, r
     assert run.meta["rows"] == taken
 
 
+def test_the_ending_of_a_full_disk_fits_where_the_older_record_was(tmp_path, monkeypatch):
+    """All rows were there, but the run was "cut short", and recover made it "damaged: 20 of 20"."""
+    write, replace = os.write, recording.replace_json
+    recorder = record(tmp_path, example(20))
+    full_disk(monkeypatch, 0)
+    monkeypatch.setattr(recorder, "_compress", lambda: None)  # for which there is no room
+
+    def and_make_room(path, content):
+        replace(path, content)
+        monkeypatch.setattr(recording.os, "write", write)
+
+    monkeypatch.setattr(recording, "replace_json", and_make_room)
+    recorder.finish("aborted", "the disk is full")
+    run = read_run(tmp_path)
+    assert_rows(run.log, example(20))
+    assert not run.meta["truncated"]
+
+
+def test_recover_leaves_the_outcome_of_a_run_that_lacks_its_ending_alone(tmp_path, monkeypatch):
+    recorder = record(tmp_path, example(20))
+    full_disk(monkeypatch, 0)
+    monkeypatch.setattr(recorder, "_compress", lambda: None)
+    recorder.finish("aborted", "the disk is full")
+    meta = recover(tmp_path).meta
+    assert (meta["outcome"], meta["reason"], meta["rows"]) == ("aborted", "the disk is full", 20)
+    assert not meta["truncated"]
+
+
 def test_half_a_record_is_taken_back_so_that_the_recording_can_go_on(tmp_path, monkeypatch):
     rows, write = example(50), os.write
     recorder = record(tmp_path, rows[:20])
