@@ -117,6 +117,13 @@ def printable(text: object) -> str:
     return "".join(c if c.isprintable() else "?" for c in " ".join(str(text).split()))
 
 
+def as_unicode(text: object) -> str:
+    """The text with "?" for what is no Unicode (half a surrogate pair, as in names of files that
+    are no UTF-8): no page could show it, and no reader takes a record that holds it.
+    """
+    return str(text).encode("utf-8", "replace").decode()
+
+
 _TURNING = re.compile("[\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069]")
 
 

@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from rig.files import freed, json_of, naming, write_whole
+from rig.files import as_unicode, freed, json_of, naming, write_whole
 
 SCHEMA = 1
 SOURCES = ("simulated", "measured")
@@ -154,10 +154,13 @@ def _versions() -> dict[str, str]:
 def plain(value: Any) -> Any:
     """`value` as JSON can hold it: arrays and sets as lists, dataclasses as dicts, paths as text.
 
-    Numbers that are not finite become "inf", "-inf" or "nan".
+    Numbers that are not finite become "inf", "-inf" or "nan", and of text only Unicode stays
+    (`as_unicode`).
     """
     if isinstance(value, dict):
-        return {str(key): plain(item) for key, item in value.items()}
+        return {as_unicode(key): plain(item) for key, item in value.items()}
+    if isinstance(value, str | Path):
+        return as_unicode(value)
     if isinstance(value, list | tuple | set):
         return [plain(item) for item in value]
     if isinstance(value, np.ndarray | np.generic):
@@ -166,8 +169,6 @@ def plain(value: Any) -> Any:
         return plain(asdict(value))
     if isinstance(value, float) and not math.isfinite(value):
         return str(value)  # which float() and pydantic read back
-    if isinstance(value, Path):
-        return str(value)
     return value
 
 

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from experiments.dashboard.server.messages import tell_page
-from experiments.dashboard.server.untrusted_text import as_unicode, words_of
-from rig.files import file_bytes
+from experiments.dashboard.server.untrusted_text import words_of
+from rig.files import as_unicode, file_bytes
 
 if TYPE_CHECKING:
     from viser import ClientHandle

@@ -3,17 +3,10 @@
 import re
 
 from experiments.reports.units import unbroken
-from rig.files import upright
+from rig.files import as_unicode, upright
 
 LONGEST = 500  # characters; chosen: some lines of a panel
 _PUNCTUATION = re.compile(r"[!-/:-@\[-`{-~]")  # of ASCII: whatever HTML or Markdown may read
-
-
-def as_unicode(text: object) -> str:
-    """The text with "?" for what is no Unicode (half a surrogate pair, as in names of files that
-    are no UTF-8): no message that holds it could be sent, to this page or any other.
-    """
-    return str(text).encode("utf-8", "replace").decode()
 
 
 def plain(text: object) -> str:

@@ -7,8 +7,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from experiments.dashboard.server.untrusted_text import as_unicode
 from experiments.dashboard.session.worker_process import ProgressSender
+from rig.files import as_unicode
 
 if TYPE_CHECKING:
     from experiments.records.recording import Run

@@ -375,6 +375,19 @@ def test_recover_leaves_the_outcome_of_a_run_that_lacks_its_ending_alone(tmp_pat
     assert not meta["truncated"]
 
 
+def test_names_that_are_no_unicode_leave_a_record_that_can_be_read(tmp_path):
+    """A protocol's file from another system, k\xfcrze.toml: nobody could read its runs."""
+    name = os.fsdecode(b"k\xfcrze")
+    recorder = Recorder(tmp_path, START | {"protocol": {"name": name}, name: Path(name)})
+    recorder.append(example(1)[0])
+    recorder.event(0.0, name)
+    recorder.finish("done", name)
+    run = read_run(tmp_path)
+    assert run.meta["protocol"] == {"name": "k?rze"}
+    assert (run.meta["k?rze"], run.meta["reason"]) == ("k?rze", "k?rze")
+    assert [event["text"] for event in run.events] == ["k?rze"]
+
+
 def test_half_a_record_is_taken_back_so_that_the_recording_can_go_on(tmp_path, monkeypatch):
     rows, write = example(50), os.write
     recorder = record(tmp_path, rows[:20])

@@ -6,13 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from experiments.dashboard.server.untrusted_text import (
-    LONGEST,
-    as_unicode,
-    measured,
-    plain,
-    words_of,
-)
+from experiments.dashboard.server.untrusted_text import LONGEST, measured, plain, words_of
+from rig.files import as_unicode
 
 
 @given(st.text(alphabet=st.characters(codec="ascii"), max_size=200))
