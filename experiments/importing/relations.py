@@ -205,6 +205,8 @@ def _regression(y: np.ndarray, causes: np.ndarray) -> _Fit | None:
     windows = weights.sum() * (1 - rho) / (1 + rho)
     k, mean = len(causes), np.average(y, weights=weights)
     power = np.average((y - mean) ** 2, weights=weights)
+    if power == 0:  # nothing varies but in windows that are left out
+        return None
     noise = np.average(left**2, weights=weights)
     errors = np.sqrt(noise * weights.sum() / max(windows - k - 1, 1.0) * np.diag(inverse))
     return _Fit(

@@ -59,7 +59,8 @@ def read_logs(path: Path | str) -> list[Log]:
         return [read_log(path)]
     columns, notes = _read(path)
     t_s = columns.get("t_s")
-    steps = np.diff(t_s) if t_s is not None and t_s.dtype.kind == "f" else np.zeros(0)
+    with np.errstate(over="ignore", invalid="ignore"):  # times that are no numbers: `_checked`
+        steps = np.diff(t_s) if t_s is not None and t_s.dtype.kind == "f" else np.zeros(0)
     usual = float(np.median(np.abs(steps))) if len(steps) and np.isfinite(steps).all() else np.inf
     cuts = np.flatnonzero(steps < -RESTART_STEPS * usual) + 1
     edges = [0, *cuts, None]

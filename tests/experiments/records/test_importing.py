@@ -12,9 +12,10 @@ from hypothesis import strategies as st
 from scipy.io import savemat
 
 from experiments.records.exporting import export_log, export_run
-from experiments.records.importing import GAPLESS, MOST_ROWS, ONE_OF, read_log
+from experiments.records.importing import GAPLESS, MOST_ROWS, ONE_OF, read_log, read_logs
 from experiments.records.mat_files import MOST_BYTES
 from experiments.records.recording import Recorder, write_run
+from experiments.records.row_checks import check_clock
 from experiments.records.samples_file import LONGEST_S, SHORTEST_S
 from rig.log import COLUMNS, INDEX, NAMES, Log
 
@@ -129,6 +130,14 @@ def test_bad_logs_are_refused_in_one_line(save, columns, words):
         read_log(path)
     assert "\n" not in str(caught.value)
     assert str(path) in str(caught.value)
+
+
+def test_times_beyond_all_measure_cost_no_warning(save):
+    with pytest.raises(ValueError, match="t_s is blank or not finite in row 1 and 1 more"):
+        read_logs(save(t_s=np.array([np.inf, np.inf]), theta_x_rad=np.zeros(2)))
+    (log,) = read_logs(save(t_s=np.array([-1e308, 1e308]), theta_x_rad=np.zeros(2)))
+    with pytest.raises(ValueError, match="rows come every inf s"):
+        check_clock(log["t_s"])
 
 
 def test_csv_of_other_programs(tmp_path):
