@@ -25,6 +25,8 @@ def main() -> None:
             signal.signal(number, _end)
         # Python's own end gives every signal with a handler its default back.
         atexit.register(signal.signal, number, signal.SIG_IGN)
+    # Arrow's own pool reserves 1 GB of addresses, which a limit (ulimit -v) may not leave.
+    os.environ.setdefault("ARROW_DEFAULT_MEMORY_POOL", "system")
     try:
         from experiments.cli.application import main as run
 

@@ -106,6 +106,23 @@ def test_a_standard_output_that_is_full_ends_with_one_line():
     assert done.stderr.count("\n") == 1
 
 
+def test_reading_parquet_reserves_no_memory_that_a_limit_may_not_leave():
+    """Of a limit of 2 GB 1 GB was taken: rig gap then ended by an abort of a library's (134)."""
+    program = """
+from experiments.cli import application, main
+
+def told():
+    import pyarrow
+    print(pyarrow.default_memory_pool().backend_name)
+
+application.main = told
+main()
+"""
+    words = [sys.executable, "-c", program]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (0, "system\n"), done.stderr
+
+
 def test_a_machine_that_starts_no_thread_is_named_with_its_cure():
     no_thread = """
 import sys, threading
