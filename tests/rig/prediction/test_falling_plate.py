@@ -54,6 +54,23 @@ def test_half_braked_it_stays_under_a_light_ball_and_coasts_when_thrown():
     assert path[-1, 1] == 0.0
 
 
+@pytest.mark.parametrize("place_m", [0.012, 0.02, 0.06])
+def test_on_servos_that_take_an_angle_the_balls_weight_beyond_the_friction_turns_it(place_m: float):
+    """By (m g n x - F)/I; below F it stays."""
+    rig = replace(load_rig(Path("three-arms")), effects=TABLE.effects)
+    p, drive = pack(rig), rig.drive
+    free_nm = rig.ball.mass_kg * 9.81 * place_m - drive.joint_friction_nm
+    t = np.arange(0.0, 1.0, 0.002)
+    theta, plate, k, now = np.zeros((len(t), 2)), np.zeros(4), 0, 0.0
+    plate[0], place = -PLAY_RAD / 2, np.array([place_m, 0.0])
+    turns = max(free_nm, 0.0) / drive.plate_inertia_kg_m2
+    lands_s = np.sqrt(2.0 * PLAY_RAD / turns) if turns else 0.5
+    while now < lands_s - 0.01:
+        k, now, _, _ = ball._follow(p, place, plate, t, theta, k, now, 0.9)
+        fallen = plate[0] + PLAY_RAD / 2
+        assert fallen == pytest.approx(0.5 * turns * now**2, abs=0.06 * PLAY_RAD)
+
+
 @pytest.mark.parametrize("place_m", [-0.09, -0.02, 0.0, 0.05])
 def test_it_never_leaves_its_play(place_m: float):
     path = falling(1.0, place_m, 1.0, rate_rad_s=3.0)
