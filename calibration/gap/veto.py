@@ -74,8 +74,9 @@ from calibration.gap.model.intervals import FIXED, Spread, deviations, interval
 from calibration.gap.model.parameters import PERIODIC
 from calibration.gap.model.state import State, drop_effects, plain
 from calibration.gap.name.decide import Decision, decide, significant, verdict_of
+from calibration.gap.name.load_friction import model_with_friction_at_motor
 from calibration.gap.name.naming_steps import NamingStep, Tell, untold
-from calibration.gap.name.stepwise import Accepted
+from calibration.gap.name.stepwise import Accepted, settled_baseline
 from calibration.gap.specification import (
     another_response,
     completeness,
@@ -92,7 +93,19 @@ from rig.effects import Effect
 
 def decide_by_proof(before: State, tell: Tell = untold) -> tuple[Decision, tuple[str, ...]]:
     """The decision on a settled baseline whose names the held-out data do not refute, and in words
-    the reasons of those that they did."""
+    the reasons of those that they did. Where a Coulomb friction is named that is the rig file's, it
+    is decided anew on motors that have it."""
+    decision, reasons = _proved(before, tell)
+    known = model_with_friction_at_motor(decision.naming.before, decision.state)
+    if known is not None:
+        decision, reasons = _proved(settled_baseline(before.evidence, known), tell)
+    if not decision.accepted and (change := changing(plain(decision.state))):
+        decision = replace(decision, verdict="unknown-effect", change=change)
+    return decision, reasons
+
+
+def _proved(before: State, tell: Tell) -> tuple[Decision, tuple[str, ...]]:
+    """`decide_by_proof` on one nominal model, whose parameters are taken for constants."""
     barred: list[str] = []
     reasons: tuple[str, ...] = ()
     decision = tried = first = decide(before, tell=tell)
@@ -110,10 +123,7 @@ def decide_by_proof(before: State, tell: Tell = untold) -> tuple[Decision, tuple
         if not lost or (judged.accepted and not outdone):
             break
         barred += outdone or lost
-    reasons += decision.dropped
-    if not decision.accepted and (change := changing(plain(decision.state))):
-        decision = replace(decision, verdict="unknown-effect", change=change)
-    return decision, reasons
+    return decision, reasons + decision.dropped
 
 
 def _beside_refuted(decision: Decision, first: Decision) -> tuple[Decision, tuple[str, ...]]:

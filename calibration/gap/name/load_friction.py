@@ -7,7 +7,10 @@ quarter of an encoder count through which the arm coasts already delays a servo 
 two. Which of them is right shows beside the effects that act: naming begins with the one that costs
 least where the motors have the Coulomb friction that fits best, and what was selected is then
 fitted to the others. Where one of them costs less, or the ball shows a joint's play that loaded
-motors deny, effects are selected anew beside it (`calibration.gap.name.stepwise`).
+motors deny, effects are selected anew beside it (`calibration.gap.name.stepwise`). Where the
+Coulomb friction that is named is as large as that of the rig file, it is no other one: the naming
+is repeated with motors that have it themselves, as behind shafts that do not wind up
+(`calibration.gap.veto`).
 """
 
 from collections.abc import Iterable, Mapping
@@ -21,7 +24,7 @@ from calibration.gap.decision_rule import (
 )
 from calibration.gap.model.data import Evidence
 from calibration.gap.model.fit import evaluate
-from calibration.gap.model.parameters import COAST_KEY, SERVO, NominalModel
+from calibration.gap.model.parameters import BALL, COAST_KEY, SERVO, NominalModel
 from calibration.gap.model.state import State, baseline, refit
 from calibration.gap.name.candidates import fastest
 from calibration.gap.name.screen import Screened
@@ -107,6 +110,26 @@ def _cost_with_same(state: State, other: NominalModel, outputs: tuple[str, ...])
     )
     moved = refit(moved, moved.bounds(outputs))
     return moved.fit.cost + PENALTY_PER_PARAMETER * (len(released) - len(state.named))
+
+
+def model_with_friction_at_motor(before: State, after: State) -> NominalModel | None:
+    """The nominal model whose motors have, as theirs, the friction that the rig file has of arm and
+    joints, where a plate is there and what is named as Coulomb friction of all motors is as large;
+    None elsewhere. `before`, `after`: without and with the names."""
+    nominal, axes = before.nominal, [output[-1] for output in _servos(after.evidence)]
+    if nominal.at_motor or after.nominal.load_friction or BALL not in after.evidence.outputs:
+        return None
+    if not {(FRICTION, axis) for axis in axes} <= set(after.named):
+        return None
+    other = NominalModel(
+        nominal.rig,
+        load_friction=False,
+        coasts=after.nominal.coasts,
+        at_motor=True,
+        tolerances=nominal.given_tolerances,
+    )
+    differs = any(other.exceeds_minimum(FRICTION, axis, after.fit.setting) for axis in axes)
+    return None if differs else other
 
 
 def creeping_servos(evidence: Evidence, nominal: NominalModel) -> tuple[str, ...]:

@@ -244,7 +244,7 @@ def entry_threshold(state: State, candidate: CandidateFit, explained: Mapping[st
     that is already named on its outputs, since the model is not exact.
     """
     related = {axis for name, axis in state.named if name in DRY_FRICTIONS}
-    beside = state.nominal.load_friction or related & set(candidate.axes)
+    beside = state.nominal.friction_slack_V or related & set(candidate.axes)
     enough = (
         RELATED_FRICTION_THRESHOLD if candidate.name in DRY_FRICTIONS and beside else NAME_THRESHOLD
     )

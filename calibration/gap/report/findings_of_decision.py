@@ -248,7 +248,8 @@ def extended(decision: Decision, found: tuple[Named, ...], servo: Mapping[str, I
     }
     fitted = {key: sum(v) / len(v) for key, v in mean.items() if v}
     drive = rig.drive
-    if not (nominal.load_friction or rig.servo.takes_angle):  # the assumed friction is refuted
+    known = nominal.load_friction or nominal.at_motor
+    if not (known or rig.servo.takes_angle):  # the assumed friction is refuted
         drive = replace(
             drive, arm_friction_nm=_light_friction(decision.state), joint_friction_nm=0.0
         )

@@ -43,9 +43,14 @@ def notes(decision: Decision, servo: Mapping[str, Interval]) -> tuple[str, ...]:
 def _assumed_note(state: State) -> tuple[str, ...]:
     """The note on friction that the nominal model has without anybody having measured it."""
     servos = [output for output in SERVO if output in state.evidence.outputs]
+    told = " and ".join(servos).replace("_", " ")
+    if state.nominal.at_motor:
+        return (
+            f"the dry friction of {told} is as large as that of arm and joints in [drive] of the "
+            "rig file, whose shafts are less stiff than the logs show",
+        )
     if not state.nominal.load_friction or not servos:
         return ()
-    told = " and ".join(servos).replace("_", " ")
     return (
         f"{state.nominal.assumed_friction_V:.2g} V of dry friction on {told} is explained by "
         "the assumed friction of arm and joints, which nobody measured ([drive] of the rig file; "

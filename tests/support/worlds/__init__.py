@@ -60,6 +60,7 @@ WORLDS = {
         default_mujoco.mujoco_walls,
         default_mujoco.mujoco_slipping_ball,
         healthy.plain,
+        healthy.rubbing_joints,
         healthy.coloured_torque,
         healthy.pink_drift,
         healthy.limit_cycle,

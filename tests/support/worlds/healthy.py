@@ -13,6 +13,12 @@ def plain(seed: int) -> World:
     return columns, rig_toml(), truth({}, kind="healthy")
 
 
+def rubbing_joints(seed: int, seconds: float = 40.0) -> World:
+    """The friction that the rig file assumes of arm and joints, 0.171 V, behind rigid shafts."""
+    columns = table_log(np.random.default_rng(seed), {"friction_V": 0.1713}, {}, {}, seconds)
+    return columns, "", truth({}, kind="healthy")
+
+
 def coloured_torque(seed: int) -> World:
     """A torque noise of 0.03 V with a memory of 0.3 s on both motors."""
     rng = np.random.default_rng(seed)

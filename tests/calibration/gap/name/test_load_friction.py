@@ -5,11 +5,14 @@ from typing import Any
 
 import pytest
 
+from calibration.gap import investigate
 from calibration.gap.decision_rule import NAME_THRESHOLD
 from calibration.gap.model.state import State
 from calibration.gap.name.load_friction import friction_models, unloaded_model
 from calibration.gap.name.screen import Screened
 from rig.parameters import Drive, Rig, Servo
+from tests.support.gap.logs import log_of
+from tests.support.worlds.healthy import rubbing_joints
 
 STIFF = Drive(joint_friction_nm=0.02)  # of its joints
 
@@ -73,3 +76,19 @@ def test_a_play_that_the_ball_shows_and_loaded_motors_deny_is_tried_without_load
     other = unloaded_model(state, [Screened(screened, "x", share * NAME_THRESHOLD, {}, 0.0, {})])
     assert (other is not None) == tried
     assert other is None or not (other.load_friction or other.coasts)
+
+
+def test_friction_that_the_rig_file_assumes_is_not_missing_behind_stiffer_shafts():
+    """The shafts do not wind up as assumed: the motor has the friction, and it is the rig file's.
+    A motor without a plate has no joints: there it is missing."""
+    columns, _, _ = rubbing_joints(3600, seconds=12.0)
+    rig = Rig()
+    table = investigate([log_of(columns)], rig, until="add", quick=True).findings
+    assert table.verdict == "nothing-missing", table.sentence
+    assert any("shafts are less stiff" in note for note in table.notes)
+    assert table.rig_after is not None
+    assert table.rig_after.drive == rig.drive
+
+    of_motor = {key: columns[key] for key in ("t_s", "voltage_x_V", "theta_x_rad")}
+    motor = investigate([log_of(of_motor)], rig, until="name", quick=True).findings
+    assert [one.name for one in motor.effects] == ["coulomb_friction"], motor.sentence
