@@ -166,10 +166,14 @@ def _layout(head: Sequence[str]) -> tuple[str, int]:
 
 def _begins(rows: Sequence[Sequence[str]]) -> bool:
     """Whether the first row begins a block of numbers: at most one of words follows soon. A line
-    of numbers among lines of words is of the preamble."""
-    behind = rows[1 : 1 + FOLLOWING]
-    counts = [_counts(cells) for cells in behind]
-    return sum(words > numbers for numbers, words in counts) <= 1
+    of numbers among lines of words is of the preamble; a row of words has no number where the first
+    row has one, as the time of a row without a ball is."""
+    at = [i for i, cell in enumerate(rows[0]) if _is_number(cell)]
+    words = 0
+    for cells in rows[1 : 1 + FOLLOWING]:
+        numbers, others = _counts(cells)
+        words += others > numbers and not any(_is_number(cells[i]) for i in at if i < len(cells))
+    return words <= 1
 
 
 def _mostly_numbers(cells: Sequence[str]) -> bool:

@@ -65,3 +65,12 @@ def test_names_that_stand_twice_are_told_apart_by_the_line_above(tmp_path: Path)
     assert [*three.columns] == ["time", "ball position x", "servo position x"]
     with pytest.raises(ValueError, match="stands twice"):
         recorded(tmp_path / "c.csv", f"time,x,x\n{rows}")
+
+
+def test_rows_of_more_words_than_numbers_are_rows(tmp_path: Path):
+    """Of a narrow table without a ball; they were taken for lines above it."""
+    rows = [f"{k / 50},{k},{-k},on,auto,2" for k in range(3)]
+    rows += [f"{k / 50},lost,lost,off,auto,2" for k in range(3, 60)]
+    stream = recorded(tmp_path / "a.csv", "t,x,y,state,mode,servo\n" + "\n".join(rows))
+    assert len(stream) == 60
+    assert np.isnan(stream.columns["x"]).sum() == 57
