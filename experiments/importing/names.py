@@ -1,6 +1,7 @@
 """What a column's name says: its role, its axis, its unit. A name may say nothing, or lie."""
 
 import re
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
@@ -60,7 +61,10 @@ SEEN_AS = {"real", "act", "actual", "ist", "meas", "measured", "gemessen"}  # x 
 PLAIN_UNITS = {"deg", "degrees", "rad", "radians", "mm", "cm", "ms", "us", "volts", "px"}
 CLEAR_ANGLE = "angle theta tilt alpha beta roll pitch phi".split()
 _POSITION = {"position", "pos"}
+_QUATERNION = ("x", "y", "z", "w")
+_NUMBERING = {"number", "num", "no", "nr", "id", "index", "idx"}
 _BRACKETS = re.compile(r"[\[({<]\s*([^\])}>]{1,12})\s*[\])}>]")
+_SIZED = re.compile(r"(.*?)([\s_]*([(\[{<])?[*x·×/]\s*)?(10+)(?(3)[\])}>])\s*")
 
 
 @dataclass(frozen=True)
@@ -82,15 +86,15 @@ class Hint:
 def hints(names: Iterable[str], units: Mapping[str, str]) -> dict[str, Hint]:
     """What each of a file's names says, of which some tell what others mean: `roll_d` is the
     desired roll, but beside `roll_p` the derivative's share, and beside `roll_c` the fourth; beside
-    `present_position` a position is a servo's, as bus servos call it; beside `orientation.w` the
-    others are parts of a quaternion, no angles and no places."""
+    `present_position` a position is a servo's, as bus servos call it; x, y, z and w of one stem are
+    parts of a quaternion, no angles and no places (a box in a picture has x, y, w and h)."""
     split = {name: _words(name) for name in names}
     others = {tuple(w[:i]) for w in split.values() for i in _letters(w) if w[i] != "d"}
-    turns = {tuple(w[:-1]) for w in split.values() if w[-1:] == ["w"]}
+    parts = Counter(tuple(w[:-1]) for w in split.values() if w and w[-1] in _QUATERNION)
     bus = any({"present", *_POSITION} & set(w) > {"present"} for w in split.values())
     read = {}
     for name, words in split.items():
-        if words[-1:] in (["w"], ["x"], ["y"], ["z"]) and tuple(words[:-1]) in turns:
+        if words and words[-1] in _QUATERNION and parts[tuple(words[:-1])] == len(_QUATERNION):
             read[name] = Hint("other", None, None)
             continue
         servos = {"present", "goal"} & set(words) and _POSITION & set(words)
@@ -114,13 +118,13 @@ def _letters(words: list[str]) -> list[int]:
 def hint(name: str, stated_unit: str | None = None) -> Hint:
     """What `name` (and the unit that the file gives for it, if any) says about a column."""
     unit = canonical(stated_unit) if stated_unit else None
+    name, size = _size_behind(name)
     brackets = _BRACKETS.findall(name)
     bare = _BRACKETS.sub(" ", name)
     for inside in brackets:
         unit = unit or canonical(inside)
         if canonical(inside) is None:
             bare += " " + inside  # theta[1]: an index
-    bare, size = _size_behind(bare, unit)
     words = _words(bare)
     unit = unit or _size_in_front(bare, _unit_at_end(bare, words) or _unit_within(words))
     unit = canonical(f"{unit}*{size}") or unit if size else unit
@@ -192,14 +196,22 @@ def _size_in_front(name: str, unit: str | None) -> str | None:
     return whole if whole and whole.endswith(f" {unit}") else unit
 
 
-def _size_behind(name: str, unit: str | None) -> tuple[str, str]:
-    """A name without the number behind its unit (`x_deg10`, `pos [mm] x10`), and that number; unit:
-    of brackets that were there."""
-    match = re.fullmatch(r"(.*?)[\s_]*([*x·×/]?)\s*(10+)\s*", name)
-    words = _words(match[1]) if match else []
-    if match and words and ((unit and match[2]) or _unit_at_end(match[1], words)):
-        return match[1], match[3]
-    return name, ""
+def _size_behind(name: str) -> tuple[str, str]:
+    """A name without the number right behind its unit (`x_deg10`, `pos [mm] x10`), and that number.
+
+    `servo_deg_10` is the tenth servo's, and `pos_x10 [mm]` a tenth place.
+    """
+    match = _SIZED.fullmatch(name)
+    if match is None:
+        return name, ""
+    front, times, _, size = match.groups()
+    if front.endswith(("]", ")", "}", ">")):
+        unit = canonical(_BRACKETS.findall(front)[-1]) if _BRACKETS.search(front) else None
+    else:
+        words = _words(front) if front[-1:].isalpha() or front[-1:] in ("°", "%") else []
+        known = words and (times or len(words[-1]) > 1)  # m10 and v10 are numbered
+        unit = _unit_at_end(front, words) if known else None
+    return (front, size) if unit else (name, "")
 
 
 def _unit_within(words: list[str]) -> str | None:
@@ -213,7 +225,8 @@ def _role(words: list[str], roles: list[str], unit: str | None) -> str | None:
     """The role of a column by the words of its name, then by its unit."""
     kind = quantity(unit) if unit else None
     has = set(roles)
-    if has == {"session"} and unit is None:
+    numbers = all(_role_of(word) == "session" or word in _NUMBERING for word in words)
+    if "session" in has and numbers:
         return "session"
     if "seen" in has and has <= {"seen", "ball"}:
         return "seen"

@@ -33,10 +33,19 @@ def test_a_number_by_a_unit_counts(text: str):
         ("servo_10_deg", "deg"),
         ("x2_mm", "mm"),
         ("ball_x_mm_2", "mm"),
+        ("ball_x_mm_10", "mm"),
+        ("servo_deg_10", "deg"),
+        ("ball x (mm) 10", "mm"),
+        ("pos_x10 [mm]", "mm"),
+        ("adc_in_10", None),
+        ("x_m10", None),
+        ("ball_x_mm (x10)", "0.1 mm"),
     ],
 )
-def test_an_index_is_no_such_number(name: str, unit: str):
+def test_an_index_is_no_such_number(name: str, unit: str | None):
+    """`_10` behind the units of ball and angle alike made tenths of both, unasked."""
     assert hint(name).unit == unit
+    assert hint("pos_x10 [mm]").axis == "x"
 
 
 @pytest.mark.parametrize("text", ["1/0 mm", "0.0 mm", "1e999 mm", "10 px", "0.1 lab", "turn/0"])
