@@ -30,6 +30,7 @@ def find_time(draft: Draft) -> None:
     """Settle where the time comes from and in which unit; doubt what is open."""
     said: dict[str, Any] = {"session": draft.stream.session or _session_column(draft)}
     said |= draft.said.get("time", {})
+    said["session"] = None if said["session"] == "none" else said["session"]
     if "rate_hz" in said:
         draft.time = dict(said)
         draft.because("time", f"rows every {1000 / said['rate_hz']:.4g} ms, as stated")
@@ -68,14 +69,15 @@ def _clock(draft: Draft) -> None:
 
 
 def _time_column(draft: Draft) -> str | None:
-    """The column that is the time: by name, by unit, the first that grows like a clock, or that of
-    a stated rate."""
+    """The column that is the time: by name (the finest first), by unit, the first that grows like a
+    clock, that of a stated rate, or at last one of whole seconds."""
     by_rate = draft.stream.by_rate
     columns = {name: v for name, v in draft.stream.columns.items() if name != by_rate}
     named = [n for n, v in columns.items() if draft.hints[n].role == "time" and _grows(v, COARSEST)]
     growing = [name for name, values in columns.items() if _grows(values)]
-    if named:
-        return named[0]
+    fine = [n for often in (0.5, 0.02) for n in named if _grows(columns[n], often)]
+    if fine:
+        return fine[0]
     by_unit = [name for name in growing if is_time(draft.hints[name].unit)]
     by_unit = [name for name in by_unit if _even(draft.stream.columns[name])]
     if by_unit:
@@ -86,13 +88,14 @@ def _time_column(draft: Draft) -> str | None:
         for name in nameless
         if not _counts(draft.stream.columns[name]) and _even(draft.stream.columns[name])
     ]
-    return nameless[0] if nameless else by_rate
+    return next(iter(nameless), by_rate or next(iter(named), None))
 
 
 def _session_column(draft: Draft) -> str | None:
     """The column that numbers the sessions: by its name, and whole numbers that seldom change."""
     for name, values in draft.stream.columns.items():
-        if draft.hints[name].role == "session" and np.all(values % 1 == 0):
+        numbers = np.all(values % 1 == 0) and np.all(np.diff(values) >= 0)  # a flag comes and goes
+        if draft.hints[name].role == "session" and numbers:
             changes = np.flatnonzero(np.diff(values)) + 1
             rows = np.diff(np.concatenate(([0], changes, [len(values)])))
             if len(changes) and np.min(rows) >= MIN_ROWS:

@@ -58,6 +58,35 @@ def test_parts_of_a_quaternion_are_neither_angles_nor_places():
     assert hints(["Rotation X"], {})["Rotation X"].role == "angle"
 
 
+@pytest.mark.parametrize("stem", ["", "ball_", "box."])
+def test_a_box_in_a_picture_is_no_quaternion(stem: str):
+    """Its w and h made x and y of a detector's box no places, and h was offered for the ball."""
+    found = hints([f"{stem}{part}" for part in "xywh"], {})
+    assert [found[f"{stem}{part}"].role for part in "xy"] == ["ball", "ball"]
+
+
+def test_what_is_no_number_of_runs_begins_no_sessions(one: Run):
+    columns, late = file_of(one), one.t_s > 20
+    for name, numbers in [("run", (one.t_s > 5) & ~late), ("run_mode", late), ("take_x", late)]:
+        made = propose(Stream(columns | {name: 1.0 * numbers})).map()
+        assert made.time.session is None, name
+    columns |= {"trial_id": 1.0 + late}
+    assert propose(Stream(columns)).map().time.session == "trial_id"
+    assert propose(Stream(columns), stated(["time.session=none"])).map().time.session is None
+
+
+@pytest.mark.parametrize("rate_hz", [30.0, 50.0])
+def test_a_clock_of_whole_seconds_gives_way_to_a_finer_one(rate_hz: float):
+    """It stood first, and its rows were spread evenly though the milliseconds were told."""
+    one = run(seed=5, rate_hz=rate_hz)
+    columns = {"timestamp": np.floor(one.t_s) + 1.7e9, "millis": 1e3 * one.t_s} | file_of(one)
+    del columns["t_s"]
+    made = propose(Stream(columns)).map()
+    assert (made.time.column, made.time.clock) == ("millis", "as recorded")
+    del columns["millis"]
+    assert propose(Stream(columns)).map().time.clock == "even"
+
+
 def test_volts_of_a_panel_are_no_reason_to_go_without_a_ball(one: Run):
     """Commands beside volts that nothing measured follows made a log without a ball, unasked."""
     columns = file_of(one)
