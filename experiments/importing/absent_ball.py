@@ -39,15 +39,17 @@ class _Stays:
 
 
 def _stays(columns: Sequence[np.ndarray], seconds: np.ndarray | None = None) -> _Stays:
-    """Stays of the rows in which each coordinate (n,) is known; steps over a hole in `seconds` (n,)
-    are none."""
+    """Stays of the rows in which each coordinate (n,) is known, and when; steps over a hole in
+    `seconds` (n,) are none."""
     points = np.column_stack(columns)
     known = np.isfinite(points).all(axis=1)
+    if seconds is not None:
+        known &= np.isfinite(seconds)
     points = points[known]
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
     if seconds is not None and len(steps):
         waits = np.diff(seconds[known])
-        steps = np.where(waits <= HOLE * np.nanmedian(waits), steps, np.nan)
+        steps = np.where(waits <= HOLE * np.median(waits), steps, np.nan)
     moves = 1 + np.flatnonzero(np.any(points[1:] != points[:-1], axis=1))
     edges = np.unique(np.r_[0, moves, len(points)])
     ends = np.r_[np.nan, steps, np.nan]

@@ -58,7 +58,7 @@ def read_clock(stream: Stream, time: TimeMap) -> Clock:
     t_s = (raw - raw[finite][0]) * scale
     session = _sessions(t_s, finite, marks)
     out, left = np.full(rows, np.nan), 0
-    again = _again(stream)
+    twice = written_twice(stream)
     for number in np.unique(session):
         at = np.flatnonzero((session == number) & finite)
         if len(at) == 0:
@@ -67,7 +67,7 @@ def read_clock(stream: Stream, time: TimeMap) -> Clock:
         if time.clock == "even":
             own = even(own)
         good = own > np.concatenate(([-np.inf], np.maximum.accumulate(own)[:-1]))
-        left += int((~good & ~again[at]).sum())
+        left += int((~good & ~twice[at]).sum())
         out[at[good]] = own[good]
     if left > MAX_BACKWARDS * rows and time.clock == "as recorded":
         raise BadFileError(
@@ -79,7 +79,7 @@ def read_clock(stream: Stream, time: TimeMap) -> Clock:
     return Clock(out, session, notes)
 
 
-def _again(stream: Stream) -> np.ndarray:
+def written_twice(stream: Stream) -> np.ndarray:
     """Rows (n,) that say in all columns what the row before says: written twice, and left out."""
     same = np.concatenate(([False], np.ones(len(stream) - 1, bool)))
     for values in stream.columns.values():

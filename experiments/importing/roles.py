@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments.importing.clock import coarse, read_clock
+from experiments.importing.clock import coarse, read_clock, written_twice
 from experiments.importing.draft import Draft
 from experiments.importing.import_map import time_map
 from experiments.importing.names import Hint
@@ -59,7 +59,14 @@ def _clock(draft: Draft) -> None:
         raw = draft.values(draft.time["column"]) * (factor(times.unit, "t_s") or 1.0)
         session = read_clock(draft.stream, times).session
         parts = [raw[(session == number) & np.isfinite(raw)] for number in np.unique(session)]
-        if parts and all(coarse(part) for part in parts if len(part) > 20) and coarse(parts[0]):
+        same = np.diff(raw, prepend=np.nan) == 0
+        twice = np.all(written_twice(draft.stream)[same])  # then the stamps are no coarser
+        if (
+            parts
+            and not twice
+            and all(coarse(part) for part in parts if len(part) > 20)
+            and coarse(parts[0])
+        ):
             draft.time["clock"] = "even"
             draft.because("time", "stamps are coarser than the rows: spread evenly")
     clock = read_clock(draft.stream, time_map(draft.time))

@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 
 from experiments.importing.clock import growing_on, read_clock
+from experiments.importing.conversion import convert
 from experiments.importing.formats.choose import read_recording
 from experiments.importing.formats.clock_text import clock_seconds
 from experiments.importing.import_map import TimeMap
 from experiments.importing.proposal import propose
 from experiments.importing.recording import Stream
+from tests.support.strangers.bench import run
 
 
 @pytest.mark.parametrize(
@@ -93,6 +95,18 @@ def test_rows_that_were_written_twice_are_left_out():
     fresh = Stream({"t": twice / 50, "x": np.arange(len(twice))})
     with pytest.raises(ValueError, match="does not grow"):
         read_clock(fresh, TimeMap(column="t"))
+
+
+def test_rows_that_were_all_written_twice_are_no_coarse_clock():
+    """They were spread evenly, each place standing for two rows."""
+    one = run(seed=5)
+    rows = np.repeat(np.arange(len(one.t_s)), 2)
+    columns = {"t_s": one.t_s[rows]}
+    for at, axis in enumerate("xy"):
+        columns[f"servo_{axis}_cmd_deg"] = np.degrees(one.command_rad)[rows, at]
+        columns[f"ball_{axis}_mm"] = 1e3 * one.ball_m[rows, at]
+    log = convert(Stream(columns), propose(Stream(columns)).map())[0]
+    np.testing.assert_allclose(log["t_s"], one.t_s, atol=1e-9)
 
 
 def test_a_signed_counter_goes_on_at_its_lowest():
