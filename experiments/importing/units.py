@@ -53,7 +53,7 @@ _SPELLED = {
     "1/100": "% percent pct",
 }
 _NAMED = {spelling: unit for unit, spellings in _SPELLED.items() for spelling in spellings.split()}
-_PART = re.compile(r"(1|turn)/(\d{1,9})")
+_PART = re.compile(r"(1|turn)/([1-9]\d{0,8})")
 # Decimals, parts and powers of ten: another whole number is an index (`servo_2deg`).
 _FRONT = re.compile(r"(1/[1-9]\d*|10\^-?\d+|10+|\d*[.,]\d+|\d+e-?\d+)[*x·×]?([^\d*x·×].*)")
 _TIMES = re.compile(r"[x*×](10+)([^\d*x·×].*)")  # x100 mm: a hundred times the millimetres
@@ -123,7 +123,7 @@ def factor(unit: str, column: str) -> float | None:
         times, unit = unit.split(" ")
         own = factor(unit, column)
         return None if own is None else float(times) * own
-    if (part := _PART.fullmatch(unit)) and int(part[2]) > 0:
+    if part := _PART.fullmatch(unit):
         if part[1] == "1":
             return None
         if "angle" in kinds:

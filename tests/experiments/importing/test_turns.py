@@ -20,6 +20,7 @@ SWING = 9 * np.sin(np.arange(400) / 20) + 1
         ("enc_1", 4096.0, 20.0),
         ("theta_x [rad]", 2 * np.pi, 0.02),
         ("theta_x [turn/1024]", 1024.0, 5.0),
+        ("plate_x [0.1 deg]", 3600.0, 10.0),
     ],
 )
 def test_an_angle_goes_on_over_its_end(name: str, whole: float, size: float):
@@ -38,6 +39,9 @@ def test_an_angle_goes_on_over_its_end(name: str, whole: float, size: float):
         ("ball_x_mm", SWING % 360),  # no angle
         ("enc_x_counts", np.where(np.arange(400) % 9, 65000.0, 30000.0)),
         ("enc_x_counts", np.full(400, np.nan)),
+        ("servo_x", np.where(SWING > 0, 4090, 3) + np.arange(400) % 5),  # from one end to the other
+        ("enc_x_counts", np.where(np.arange(400) % 90, 65000 + SWING, 0.0)),  # 0: not read
+        ("plate_x [turn/0]", SWING % 1),
     ],
 )
 def test_what_does_not_go_round_stays(name: str, values: np.ndarray):
