@@ -17,6 +17,8 @@ NEAR_FULL = 0.02
 SUPPLY_SHARE = 0.5  # chosen: a supply sags by less, and no drive stays above half of its most
 _VOLTAGES = {axis: NAMES["voltage"].format(axis) for axis in "xy"}
 SPEED_TOLERANCE = 0.15  # of a slope that must be 1
+FOLLOWS = 0.8  # chosen: of an angle's motion; a ball's target has less than half in it
+GIVE = 0.1  # chosen: of all that an angle went the one way, what it may go back
 OFF_ZERO = 0.5  # chosen: of the farthest volts from rest; an amplifier's offset is smaller
 
 
@@ -75,7 +77,7 @@ def settle_volts(draft: Draft, volts: Mapping[str, str], theta: Mapping[str, str
             draft.settle(name, sign=1)
         else:
             draft.settle(name, sign=1 if response.gain > 0 else -1)
-        _settle_rest(draft, name, column, response)
+        _settle_rest(draft, name, column, response, turned)
     names = [NAMES["voltage"].format(axis) for axis in volts if axis in theta]
     columns = [draft.signals[name]["column"] for name in names]
     if len(set(columns)) < len(columns):  # asked of one axis: the other's is then the other one
@@ -96,14 +98,20 @@ def _said_columns(draft: Draft, axis: str) -> set[str]:
     return {str(draft.said[n]["column"]) for n in names if draft.is_said(n, "column")}
 
 
-def _settle_rest(draft: Draft, name: str, column: str, response: Response | None) -> None:
-    """Settle at which number nothing drives: 0, the middle of an unsigned code, or in doubt."""
+def _settle_rest(
+    draft: Draft, name: str, column: str, response: Response | None, turned: np.ndarray
+) -> None:
+    """Settle at which number nothing drives: 0, the middle of an unsigned code, or in doubt.
+
+    turned (n,): the angle; what is driven one way alone, as by a step of volts, has a direction.
+    """
     values = draft.values(column)
     if draft.is_said(name, "offset"):
         return
     zero = response.zero if response is not None else 0.0
     if abs(zero) <= OFF_ZERO * float(np.nanmax(np.abs(values - zero))):
-        if np.nanmin(values) >= 0 or np.nanmax(values) <= 0:
+        one_sign = np.nanmin(values) >= 0 or np.nanmax(values) <= 0
+        if one_sign and _both_ways(turned[np.isfinite(turned)]):
             why = f"{column} has one sign, though the servo turns both ways: the direction lacks"
             draft.doubt([name], "column", why, "none", column)
         return
@@ -114,6 +122,13 @@ def _settle_rest(draft: Draft, name: str, column: str, response: Response | None
         draft.doubt([name], "offset", why, f"{zero:.4g}", "0")
     else:
         draft.because("drive", f"{column} is {zero:.4g} at rest: {best:g} is taken off")
+
+
+def _both_ways(angle: np.ndarray) -> bool:
+    """Whether an angle (n,) goes back by more than a load's or a gear's give."""
+    back = np.max(np.maximum.accumulate(angle) - angle, initial=0.0)
+    forth = np.max(angle - np.minimum.accumulate(angle), initial=0.0)
+    return bool(min(back, forth) > GIVE * max(back, forth))
 
 
 def _unit(draft: Draft, names: list[str]) -> str:
@@ -133,9 +148,10 @@ def _likely_unit(draft: Draft, names: list[str]) -> str:
     most = max(float(np.nanmax(np.abs(draft.values(c) - zero))) for c, zero in columns.items())
     named = next((one.unit for one in hints if one.unit), None)
     role = hints[0].role
-    if named in FACTORS["voltage"] and most * (FACTORS["voltage"][named] or 1) <= MAX_VOLTS:
+    kind = quantity(named or "")
+    if named and kind == "voltage" and most * (factor(named, names[0]) or 1) <= MAX_VOLTS:
         return named
-    if role == "current" and named in FACTORS["current"]:
+    if named and role == kind == "current":
         return named
     if any(columns.values()):  # full is as far from its rest as the code goes, whatever that is
         return "counts"
@@ -177,6 +193,18 @@ def settle_speeds(draft: Draft, theta: Mapping[str, str]) -> None:
         draft.settle(NAMES["speed"].format(axis), column=column, unit=unit, sign=sign, offset=0.0)
 
 
+def _follower(draft: Draft, axis: str, column: str) -> str | None:
+    """The measured angle of an axis that does little else than follow a column; None: it does not,
+    or there is none."""
+    angle = draft.signals.get(NAMES["theta"].format(axis), {}).get("column")
+    if angle is None:
+        return None
+    good = np.isfinite(draft.seconds)
+    cause = [filled(draft.values(column))[good]]
+    one = responses(draft.seconds[good], motion(draft, str(angle))[good], cause, order=0)[0]
+    return str(angle) if one is not None and one.share > FOLLOWS else None
+
+
 def settle_targets(draft: Draft, ball: Mapping[str, str]) -> None:
     """Take targets in the ball's own unit; they are treated as the ball is."""
     names = columns_of(draft, "target")
@@ -187,6 +215,10 @@ def settle_targets(draft: Draft, ball: Mapping[str, str]) -> None:
         source = draft.signals.get(NAMES["ball"].format(axis))
         if axis not in ball or source is None:
             continue
+        name = NAMES["target"].format(axis)
+        if not draft.is_said(name, "column") and (angle := _follower(draft, axis, column)):
+            why = f"{angle} follows {column}: a command ({NAMES['command'].format(axis)}.column)?"
+            draft.doubt([name], "column", why, "none", column)
         unit = draft.hints[column].unit
         values, own = draft.values(column), draft.values(ball[axis])
         span = float(np.nanmax(own) - np.nanmin(own))
@@ -199,4 +231,4 @@ def settle_targets(draft: Draft, ball: Mapping[str, str]) -> None:
             draft.because("rest", f"{column} is left out: the ball goes the other way")
             continue
         taken = {key: source[key] for key in ("unit", "sign", "offset", "scale") if key in source}
-        draft.settle(NAMES["target"].format(axis), column=column, **taken)
+        draft.settle(name, column=column, **taken)

@@ -94,3 +94,21 @@ def test_volts_of_a_panel_are_no_reason_to_go_without_a_ball(one: Run):
         columns[f"U{axis} (V)"] = 2.5 + columns.pop(f"ball_{axis}_mm") / 60
     found = propose(Stream(columns))
     assert found.doubts[0].option == "--set ball_x_m.column=Ux (V) or Uy (V)"
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_what_a_servo_follows_is_not_silently_the_balls_target(one: Run, sign: int):
+    """set_x, degrees, became a target in millimetres, or was left out, as the servo was turned."""
+    columns = {"t_s": one.t_s}
+    for at, axis in enumerate("xy"):
+        columns[f"set_{axis}"] = sign * np.degrees(one.command_rad[:, at])
+        columns[f"servo_{axis}_meas_deg"] = sign * np.degrees(one.theta_rad[:, at])
+        columns[f"ball_{axis}_mm"] = 1e3 * one.ball_m[:, at]
+    options = [doubt.option for doubt in propose(Stream(columns)).doubts]
+    assert options == [f"--set target_{axis}_m.column=none or set_{axis}" for axis in "xy"]
+    said = [f"command_{axis}_rad.column=set_{axis}" for axis in "xy"]
+    made = propose(Stream(columns), stated([*said, "command.unit=deg"])).map()
+    assert "target_x_m" not in made.signals
+    for at, axis in enumerate("xy"):
+        columns[f"set_{axis}"] = 1e3 * one.target_m[:, at]
+    assert propose(Stream(columns)).map().signals["target_x_m"].unit == "mm"

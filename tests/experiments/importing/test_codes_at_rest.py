@@ -47,3 +47,24 @@ def test_a_share_whose_direction_stands_elsewhere_is_asked_about():
     assert "voltage_x_V.column=none" in found.doubts[0].option
     none = proposed("pwm_{}", lambda volts: np.abs(volts), ("voltage.column=none",))
     assert none.doubts == ()
+
+
+@pytest.mark.parametrize("volts", [6.0, -6.0])
+def test_steps_of_volts_the_one_way_have_a_direction(volts: float):
+    """A motor's step response was asked about as if it turned both ways."""
+    t_s = np.arange(0, 12, 0.01)
+    driven = np.where(t_s % 4 > 2, volts, 0.0)
+    speed = np.zeros(len(t_s))
+    for row in range(1, len(t_s)):
+        speed[row] = speed[row - 1] + 0.01 / 0.08 * (1.2 * driven[row] - speed[row - 1])
+    angle = np.cumsum(speed) * 0.01 + np.random.default_rng(0).normal(0, 0.001, len(t_s))
+    found = propose(Stream({"t_s": t_s, "motor_x_V": driven, "theta_x_rad": angle}))
+    assert found.doubts == ()
+    assert found.draft["signals"]["voltage_x_V"]["sign"] == 1
+
+
+@pytest.mark.parametrize(("unit", "size"), [("0.1 V", 10.0), ("10 mV", 100.0)])
+def test_volts_in_tenths_are_volts(unit: str, size: float):
+    found = proposed(f"motor_{{}} [{unit}]", lambda volts: size * volts)
+    assert found.doubts == ()
+    assert found.draft["signals"]["voltage_x_V"]["unit"] == unit
