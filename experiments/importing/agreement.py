@@ -1,5 +1,9 @@
 """Whether a further recording says of itself what the map says that was made from another one."""
 
+from collections.abc import Mapping
+from math import pi
+from typing import Any
+
 from experiments.importing.draft import Proposal
 from experiments.importing.import_map import ImportMap, SignalMap, Stated, TimeMap
 from experiments.importing.recording import Stream
@@ -30,11 +34,20 @@ def contradiction(made: ImportMap, found: Proposal) -> str:
             says = signal.get(key, _default(SignalMap, key))
             if sure and says is not None and says != getattr(own, key):
                 return f"its own {name}.{key} is {says}, not {getattr(own, key)}"
+        if _turned(name, signal, own):
+            return f"its own {name}.offset is about {signal['offset']:g}, not {own.offset:g}"
         for key in LOST:
             sure = (name, key) not in doubts and (family(name), key) not in doubts
             if sure and not _covered(signal.get(key, ()), own):
                 return f"its own {name}.{key} is {signal[key]}, by which no ball is there"
     return ""
+
+
+def _turned(name: str, signal: Mapping[str, Any], own: SignalMap) -> bool:
+    """Whether a file's plate is level more than half a turn from where the map's is: angles go on
+    over a turn's end only in files that pass it."""
+    size = factor(own.unit, name) if family(name) in ("theta", "command") else None
+    return size is not None and abs(signal.get("offset", 0.0) - own.offset) * size > pi
 
 
 def _covered(lost: int | tuple[float, ...], own: SignalMap) -> bool:

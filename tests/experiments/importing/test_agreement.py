@@ -5,9 +5,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from experiments.importing.agreement import contradiction
+from experiments.importing.formats.turns import unwound
+from experiments.importing.proposal import propose
+from experiments.importing.recording import Stream
 from experiments.records.importing import read_log
 from tests.support.command import told
 from tests.support.other_labs.bench import run
+from tests.support.strangers import bench as strangers
 
 NAMES = "t,servo x cmd,servo y cmd,ball x,ball y"
 UNITS = "s,deg,deg,mm,mm"
@@ -78,3 +83,22 @@ def test_a_ball_that_only_a_further_file_loses(both, code, says, columns, tmp_pa
     assert f"b.csv: the map of the first file does not fit it (its own ball_x_m.{says}" in line
     assert told("import", other, first, "--out", out, "--yes")[0] == 0
     assert np.isnan(read_log(tmp_path / "ab/a-1.csv")["ball_x_m"][1000:1200]).all()
+
+
+def test_a_further_file_that_stays_below_the_end_of_a_turn_is_refused():
+    """Beside one that passes it, it told a plate that was a turn away."""
+    first, other = (angles_of(level) for level in (0.0, 330.0))
+    made = propose(unwound(first)).map()
+    assert contradiction(made, propose(unwound(first))) == ""
+    words = contradiction(made, propose(unwound(other)))
+    assert words.startswith("its own theta_x_rad.offset is about 3")
+
+
+def angles_of(level: float) -> Stream:
+    """A run whose plate is level where its encoders, from 0 to 360 degrees, say `level`."""
+    one = strangers.run(seed=6)
+    columns = {"t_s": one.t_s}
+    for at, axis in enumerate("xy"):
+        columns[f"plate_{axis}_meas_deg"] = (np.degrees(one.theta_rad[:, at]) + level) % 360
+        columns[f"ball_{axis}_mm"] = 1e3 * one.ball_m[:, at]
+    return Stream(columns)
