@@ -36,7 +36,7 @@ from calibration.gap.name.candidates import (
     light_arm_backlash_starts,
     play_ladder,
 )
-from calibration.gap.name.load_friction import friction_models
+from calibration.gap.name.load_friction import competing
 from calibration.gap.name.screen import at_start_noise
 
 LAW = ("gear_backlash", "coulomb_friction", "voltage_offset")
@@ -61,9 +61,7 @@ def begun_with_law(state: State, skip: Collection[Key] = ()) -> list[State]:
     if max(map(len, names)) < 2 or {n for n, _ in skip} & set(LAW) or not has_law(state.nominal):
         return []
     axes = [output[-1] for output, found in zip(SERVO, names, strict=True) if found]
-    nominal = state.nominal
-    others = friction_models(nominal.rig, nominal.given_tolerances)
-    begun = [_begun(state, other, axes) for other in others]
+    begun = [_begun(state, other, axes) for other in competing(state.nominal)]
     return [one for one in begun if np.isfinite(one.fit.cost)]  # a log may be so spoiled
 
 

@@ -46,10 +46,15 @@ def choose_friction_model(
     return min(known, key=lambda nominal: _cost_with_coulomb(servos, nominal))
 
 
-def friction_models(rig: Rig, tolerances: Mapping[str, float] | None = None) -> list[NominalModel]:
+def friction_models(
+    rig: Rig, tolerances: Mapping[str, float] | None = None, *, at_motor: bool = False
+) -> list[NominalModel]:
     """The nominal models of a rig that compete, the last of them that of held arms without load; it
-    is alone where a controller holds the servo's angle: no motor feels a load, no arm coasts."""
-    held = NominalModel(rig, load_friction=False, coasts=False, tolerances=tolerances)
+    is alone where a controller holds the servo's angle: no motor feels a load, no arm coasts.
+    `at_motor`: of its last one, as in `NominalModel`."""
+    held = NominalModel(
+        rig, load_friction=False, coasts=False, at_motor=at_motor, tolerances=tolerances
+    )
     if rig.servo.takes_angle:
         return [held]
     joint, arm = rig.drive.joint_friction_nm, rig.drive.arm_friction_nm
@@ -72,7 +77,7 @@ def better_friction_model(state: State) -> NominalModel | None:
     own = sum(state.fit.costs[output] for output in outputs)
     costs = [
         (_cost_with_same(state, other, outputs), other)
-        for other in friction_models(nominal.rig, nominal.given_tolerances)
+        for other in competing(nominal)
         if (other.load_friction, other.coasts) != (nominal.load_friction, nominal.coasts)
     ]
     least, best = min(costs, key=lambda pair: pair[0], default=(own, None))
@@ -92,7 +97,12 @@ def unloaded_model(state: State, screened: Iterable[Screened]) -> NominalModel |
     loads = nominal.load_friction and nominal.rig.drive.joint_friction_nm > 0.0
     if named or not (shown and loads):
         return None
-    return friction_models(nominal.rig, nominal.given_tolerances)[-1]
+    return competing(nominal)[-1]
+
+
+def competing(nominal: NominalModel) -> list[NominalModel]:
+    """The nominal models that compete with one, its own among them."""
+    return friction_models(nominal.rig, nominal.given_tolerances, at_motor=nominal.at_motor)
 
 
 def _cost_with_same(state: State, other: NominalModel, outputs: tuple[str, ...]) -> float:
@@ -117,17 +127,12 @@ def model_with_friction_at_motor(before: State, after: State) -> NominalModel | 
     joints, where a plate is there and what is named as Coulomb friction of all motors is as large;
     None elsewhere. `before`, `after`: without and with the names."""
     nominal, axes = before.nominal, [output[-1] for output in _servos(after.evidence)]
-    if nominal.at_motor or after.nominal.load_friction or BALL not in after.evidence.outputs:
+    loaded = after.nominal.load_friction or after.nominal.coasts
+    if nominal.at_motor or loaded or not axes or BALL not in after.evidence.outputs:
         return None
     if not {(FRICTION, axis) for axis in axes} <= set(after.named):
         return None
-    other = NominalModel(
-        nominal.rig,
-        load_friction=False,
-        coasts=after.nominal.coasts,
-        at_motor=True,
-        tolerances=nominal.given_tolerances,
-    )
+    other = friction_models(nominal.rig, nominal.given_tolerances, at_motor=True)[-1]
     differs = any(other.exceeds_minimum(FRICTION, axis, after.fit.setting) for axis in axes)
     return None if differs else other
 

@@ -1,6 +1,7 @@
 """Which nominal models compete for what brakes the arm."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -8,7 +9,12 @@ import pytest
 from calibration.gap import investigate
 from calibration.gap.decision_rule import NAME_THRESHOLD
 from calibration.gap.model.state import State
-from calibration.gap.name.load_friction import friction_models, unloaded_model
+from calibration.gap.name.load_friction import (
+    competing,
+    friction_models,
+    model_with_friction_at_motor,
+    unloaded_model,
+)
 from calibration.gap.name.screen import Screened
 from rig.parameters import Drive, Rig, Servo
 from tests.support.gap.logs import log_of
@@ -92,3 +98,28 @@ def test_friction_that_the_rig_file_assumes_is_not_missing_behind_stiffer_shafts
     of_motor = {key: columns[key] for key in ("t_s", "voltage_x_V", "theta_x_rad")}
     motor = investigate([log_of(of_motor)], rig, until="name", quick=True).findings
     assert [one.name for one in motor.effects] == ["coulomb_friction"], motor.sentence
+
+
+@pytest.mark.parametrize(
+    ("outputs", "named", "volts", "same"),
+    [
+        (("servo_x", "servo_y", "ball"), ("x", "y"), 0.18, True),
+        (("servo_x", "servo_y", "ball"), ("x", "y"), 0.10, False),  # another friction
+        (("servo_x", "servo_y", "ball"), ("x",), 0.18, False),  # y has none
+        (("servo_x", "servo_y"), ("x", "y"), 0.18, False),  # bare motors
+        (("ball",), (), 0.18, False),  # no motor is seen
+    ],
+)
+def test_only_friction_of_all_motors_under_a_plate_is_the_rig_files(
+    outputs: tuple[str, ...], named: tuple[str, ...], volts: float, same: bool
+):
+    setting = {f"coulomb_friction.friction_V.{axis}": volts for axis in "xy"}
+    held: Any = SimpleNamespace(
+        nominal=friction_models(Rig())[-1],
+        evidence=SimpleNamespace(outputs=outputs),
+        named=tuple(("coulomb_friction", axis) for axis in named),
+        fit=SimpleNamespace(setting=setting),
+    )
+    other = model_with_friction_at_motor(held, held)
+    assert (other is not None) == same
+    assert other is None or competing(other)[-1].at_motor
