@@ -9,6 +9,8 @@ from itertools import product
 from pathlib import Path
 from types import ModuleType
 
+import pytest
+
 
 def cases(test: Callable) -> Iterator[dict]:
     """The keyword arguments of every case of a test with `pytest.mark.parametrize` marks."""
@@ -25,8 +27,10 @@ def cases(test: Callable) -> Iterator[dict]:
 
 
 def call(tests: ModuleType, test: Callable, arguments: dict) -> None:
-    """Call a test, with a folder for `tmp_path` and what else the module's `contexts` open."""
-    openers = {"tmp_path": folder, **getattr(tests, "contexts", {})}
+    """Call a test, with a folder for `tmp_path`, a `monkeypatch` and what else the module's
+    `contexts` open."""
+    known = {"tmp_path": folder, "monkeypatch": pytest.MonkeyPatch.context}
+    openers = {**known, **getattr(tests, "contexts", {})}
     with ExitStack() as stack:
         for name in signature(test).parameters:
             if name in openers and name not in arguments:

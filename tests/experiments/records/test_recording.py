@@ -452,7 +452,9 @@ def test_recover_completes_a_killed_run_once(tmp_path):
     assert run.events == EVENTS
     assert (run.meta["truncated"], run.meta["outcome"]) == (False, "killed")
     content = (tmp_path / "samples.mcap").read_bytes(), (tmp_path / "run.json").read_bytes()
+    os.utime(tmp_path / "run.json", (0, 0))
     recover(tmp_path)
+    assert (tmp_path / "run.json").stat().st_mtime == 0  # it was not written again
     assert not (tmp_path / "samples.damaged.mcap").exists()  # half a record is nothing to keep
     assert content == (
         (tmp_path / "samples.mcap").read_bytes(),
