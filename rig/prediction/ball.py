@@ -66,12 +66,12 @@ def _fallen(p, a, theta, rate, plate, place, h):
     place: of the ball [m]. In the play the ball's weight turns the plate, dry friction brakes it,
     and it bounces off the play's ends, which move with the arm. On a servo that takes an angle it
     is the joint's friction, and the plate lands without a bounce: with one, costs are as low but
-    ragged in the play, by up to 40 from 0.25 mrad to the next. Behind motors it brakes the less the
-    nearer `joint_fall` is to 1.
+    ragged in the play. Behind motors it brakes the less the nearer `joint_fall` is to 1.
     """
-    brake, kept = HALF_BRAKED_RAD_S2 * (1.0 / max(p.joint_fall[a], 1e-9) - 1.0), RESTITUTION
     if p.position:
         brake, kept = p.joint_friction / p.plate_inertia, 0.0
+    else:
+        brake, kept = HALF_BRAKED_RAD_S2 * (1.0 / p.joint_fall[a] - 1.0), RESTITUTION
     speed = plate[2 + a] + h * p.weight[a] * place / p.plate_inertia
     speed = equations.stick(speed, h * brake)
     angle = plate[a] + h * speed
