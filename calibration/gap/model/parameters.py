@@ -201,12 +201,11 @@ class NominalModel:
         if "coulomb_friction" not in (tolerances or {}):
             more_V = self.friction_slack_V if known_V else told_V
             self._tolerances["coulomb_friction"] += more_V
+        self._start = {name: tuple(pair) for name, pair in values(rig.effects, known).items()}
         if at_motor:
             self._record["coulomb_friction_friction_V"] += held_V
-        self._start = {name: tuple(pair) for name, pair in values(rig.effects, known).items()}
-        self._start["coulomb_friction_friction_V"] = tuple(
-            volts + held_V * at_motor for volts in self._start["coulomb_friction_friction_V"]
-        )
+            own_V = self._start["coulomb_friction_friction_V"]
+            self._start["coulomb_friction_friction_V"] = tuple(v + held_V for v in own_V)
         self.parameters = {parameter.name: parameter for parameter in self._all()}
 
     def __reduce__(self) -> str:

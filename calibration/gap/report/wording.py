@@ -47,7 +47,8 @@ def _assumed_note(state: State) -> tuple[str, ...]:
     if state.nominal.at_motor:
         return (
             f"the dry friction of {told} is as large as that of arm and joints in [drive] of the "
-            "rig file, whose shafts are less stiff than the logs show",
+            "rig file, whose shafts are less stiff than the logs show; it is the motors' in the "
+            "rig file that is written",
         )
     if not state.nominal.load_friction or not servos:
         return ()

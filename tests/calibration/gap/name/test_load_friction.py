@@ -93,7 +93,10 @@ def test_friction_that_the_rig_file_assumes_is_not_missing_behind_stiffer_shafts
     assert table.verdict == "nothing-missing", table.sentence
     assert any("shafts are less stiff" in note for note in table.notes)
     assert table.rig_after is not None
-    assert table.rig_after.drive == rig.drive
+    drive, effects = table.rig_after.drive, table.rig_after.effects
+    assert drive.arm_friction_nm == drive.joint_friction_nm == 0.0  # it is written as the motors'
+    volts = [effects["coulomb_friction"][axis]["friction_V"] for axis in "xy"]
+    assert volts == pytest.approx([0.1713, 0.1713], rel=0.1)
 
     of_motor = {key: columns[key] for key in ("t_s", "voltage_x_V", "theta_x_rad")}
     motor = investigate([log_of(of_motor)], rig, until="name", quick=True).findings
