@@ -15,6 +15,9 @@ from experiments.importing.units import FACTORS, factor, is_time
 STEPS_S = (2e-4, 0.25)  # between rows: faster than any such table is read, slower than one can be
 MAX_STRAY = 0.2  # chosen: of the usual step, the median stray of a nameless clock's steps
 COARSEST = 1 / 1000  # of rows, those with a new stamp of whole seconds; chosen: at 1 kHz
+# Of rows, those with a new stamp: of clocks by name one that most rows move goes before one that
+# stands still for up to 50 of them, as of whole seconds at 50 Hz; chosen.
+FINE, RENEWED = 0.5, 0.02
 MIN_GROWING = 0.95  # share of steps forwards from which a column may be a clock
 NAMES = {
     "ball": "ball_{}_m",
@@ -82,7 +85,7 @@ def _time_column(draft: Draft) -> str | None:
     columns = {name: v for name, v in draft.stream.columns.items() if name != by_rate}
     named = [n for n, v in columns.items() if draft.hints[n].role == "time" and _grows(v, COARSEST)]
     growing = [name for name, values in columns.items() if _grows(values)]
-    fine = [n for often in (0.5, 0.02) for n in named if _grows(columns[n], often)]
+    fine = [n for often in (FINE, RENEWED) for n in named if _grows(columns[n], often)]
     if fine:
         return fine[0]
     by_unit = [name for name in growing if is_time(draft.hints[name].unit)]
@@ -111,7 +114,7 @@ def _session_column(draft: Draft) -> str | None:
     return None
 
 
-def _grows(values: np.ndarray, often: float = 0.02) -> bool:
+def _grows(values: np.ndarray, often: float = RENEWED) -> bool:
     """Whether a column (n,) grows, in more than a share of its steps."""
     values = values[np.isfinite(values)]
     if len(values) < 3:
