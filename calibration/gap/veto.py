@@ -74,7 +74,7 @@ from calibration.gap.model.intervals import FIXED, Spread, deviations, interval
 from calibration.gap.model.parameters import PERIODIC
 from calibration.gap.model.state import State, drop_effects, plain
 from calibration.gap.name.decide import Decision, decide, significant, verdict_of
-from calibration.gap.name.load_friction import model_with_friction_at_motor
+from calibration.gap.name.load_friction import model_of_rigid_shafts
 from calibration.gap.name.naming_steps import NamingStep, Tell, untold
 from calibration.gap.name.stepwise import Accepted, settled_baseline
 from calibration.gap.specification import (
@@ -90,15 +90,22 @@ from calibration.gap.unnamed.basis import unnamed_terms
 from calibration.statistics import student_quantile
 from rig.effects import Effect
 
+RIGID_SHAFTS = (
+    "not named: coulomb_friction: it is as large as the friction of arm and joints in [drive] of "
+    "the rig file, whose shafts are less stiff than the logs show; the rig file that is written "
+    "has all of it on the arms"
+)
+
 
 def decide_by_proof(before: State, tell: Tell = untold) -> tuple[Decision, tuple[str, ...]]:
     """The decision on a settled baseline whose names the held-out data do not refute, and in words
     the reasons of those that they did. Where a Coulomb friction is named that is the rig file's, it
-    is decided anew on motors that have it."""
+    is decided anew with shafts that do not wind up."""
     decision, reasons = _proved(before, tell)
-    known = model_with_friction_at_motor(decision.naming.before, decision.state)
+    known = model_of_rigid_shafts(decision.naming.before, decision.state)
     if known is not None:
         decision, reasons = _proved(settled_baseline(before.evidence, known), tell)
+        reasons = (RIGID_SHAFTS, *reasons)
     if not decision.accepted and (change := changing(plain(decision.state))):
         decision = replace(decision, verdict="unknown-effect", change=change)
     return decision, reasons

@@ -158,10 +158,9 @@ class NominalModel:
     `load_friction`: whether the assumed friction F [N m] of arm and joints loads the motors;
     through the joint's stiffness k [N m/rad] F also widens the backlash that the plate feels by 2
     F/k. `coasts`: whether arm and plate, where F does not load the motors, coast through the gap of
-    the gears with nothing that brakes them, or stay where the teeth leave them. `at_motor`: whether
-    F brakes the motors themselves in place of loading them, as where no shaft winds up.
-    `tolerances`: effect -> half width of its first key, in place of the catalogue's. It cannot be
-    pickled (see `Model`).
+    the gears with nothing that brakes them, or stay where the teeth leave them. `tolerances`:
+    effect -> half width of its first key, in place of the catalogue's. It cannot be pickled (see
+    `Model`).
     """
 
     def __init__(
@@ -170,11 +169,9 @@ class NominalModel:
         *,
         load_friction: bool,
         coasts: bool = True,
-        at_motor: bool = False,
         tolerances: Mapping[str, float] | None = None,
     ) -> None:
         self.rig, self.load_friction, self.given_tolerances = rig, load_friction, tolerances
-        self.at_motor = at_motor
         self._record = pack(rig)
         drive = rig.drive
         self._wound = drive.joint_friction_nm / drive.joint_stiffness_nm_rad
@@ -196,16 +193,11 @@ class NominalModel:
         held_V = _held_nm(rig.drive) / rig.servo.torque_per_volt_nm
         told_V = 0.0 if _held_nm(rig.drive) == _held_nm(Drive()) else held_V
         self.assumed_friction_V = held_V if load_friction else 0.0
-        known_V = held_V if load_friction or at_motor else 0.0
-        self.friction_slack_V = ASSUMED_FRICTION_ERROR * known_V
+        self.friction_slack_V = ASSUMED_FRICTION_ERROR * self.assumed_friction_V
         if "coulomb_friction" not in (tolerances or {}):
-            more_V = self.friction_slack_V if known_V else told_V
+            more_V = self.friction_slack_V or told_V
             self._tolerances["coulomb_friction"] += more_V
         self._start = {name: tuple(pair) for name, pair in values(rig.effects, known).items()}
-        if at_motor:
-            self._record["coulomb_friction_friction_V"] += held_V
-            own_V = self._start["coulomb_friction_friction_V"]
-            self._start["coulomb_friction_friction_V"] = tuple(v + held_V for v in own_V)
         self.parameters = {parameter.name: parameter for parameter in self._all()}
 
     def __reduce__(self) -> str:

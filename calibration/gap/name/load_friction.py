@@ -9,8 +9,7 @@ least where the motors have the Coulomb friction that fits best, and what was se
 fitted to the others. Where one of them costs less, or the ball shows a joint's play that loaded
 motors deny, effects are selected anew beside it (`calibration.gap.name.stepwise`). Where the
 Coulomb friction that is named is as large as that of the rig file, it is no other one: the naming
-is repeated with motors that have it themselves, as behind shafts that do not wind up
-(`calibration.gap.veto`).
+is repeated with shafts that do not wind up (`calibration.gap.veto`).
 """
 
 from collections.abc import Iterable, Mapping
@@ -46,15 +45,11 @@ def choose_friction_model(
     return min(known, key=lambda nominal: _cost_with_coulomb(servos, nominal))
 
 
-def friction_models(
-    rig: Rig, tolerances: Mapping[str, float] | None = None, *, at_motor: bool = False
-) -> list[NominalModel]:
+def friction_models(rig: Rig, tolerances: Mapping[str, float] | None = None) -> list[NominalModel]:
     """The nominal models of a rig that compete, the last of them that of held arms without load; it
     is alone where a controller holds the servo's angle: no motor feels a load, no arm coasts.
-    `at_motor`: of its last one, as in `NominalModel`."""
-    held = NominalModel(
-        rig, load_friction=False, coasts=False, at_motor=at_motor, tolerances=tolerances
-    )
+    """
+    held = NominalModel(rig, load_friction=False, coasts=False, tolerances=tolerances)
     if rig.servo.takes_angle:
         return [held]
     joint, arm = rig.drive.joint_friction_nm, rig.drive.arm_friction_nm
@@ -102,7 +97,7 @@ def unloaded_model(state: State, screened: Iterable[Screened]) -> NominalModel |
 
 def competing(nominal: NominalModel) -> list[NominalModel]:
     """The nominal models that compete with one, its own among them."""
-    return friction_models(nominal.rig, nominal.given_tolerances, at_motor=nominal.at_motor)
+    return friction_models(nominal.rig, nominal.given_tolerances)
 
 
 def _cost_with_same(state: State, other: NominalModel, outputs: tuple[str, ...]) -> float:
@@ -122,19 +117,24 @@ def _cost_with_same(state: State, other: NominalModel, outputs: tuple[str, ...])
     return moved.fit.cost + PENALTY_PER_PARAMETER * (len(released) - len(state.named))
 
 
-def model_with_friction_at_motor(before: State, after: State) -> NominalModel | None:
-    """The nominal model whose motors have, as theirs, the friction that the rig file has of arm and
-    joints, where a plate is there and what is named as Coulomb friction of all motors is as large;
-    None elsewhere. `before`, `after`: without and with the names."""
+def model_of_rigid_shafts(before: State, after: State) -> NominalModel | None:
+    """The nominal model of shafts that do not wind up, whose arms have all friction that the rig
+    file has of arm and joints, where a plate is there and what is named as Coulomb friction of all
+    motors is as large; None elsewhere. `before`, `after`: without and with the names."""
     nominal, axes = before.nominal, [output[-1] for output in _servos(after.evidence)]
     loaded = after.nominal.load_friction or after.nominal.coasts
-    if nominal.at_motor or loaded or not axes or BALL not in after.evidence.outputs:
+    if loaded or not axes or BALL not in after.evidence.outputs:
         return None
     if not {(FRICTION, axis) for axis in axes} <= set(after.named):
         return None
-    other = friction_models(nominal.rig, nominal.given_tolerances, at_motor=True)[-1]
-    differs = any(other.exceeds_minimum(FRICTION, axis, after.fit.setting) for axis in axes)
-    return None if differs else other
+    drive = nominal.rig.drive
+    all_nm = drive.arm_friction_nm + drive.joint_friction_nm
+    rigid = replace(drive, arm_friction_nm=all_nm, joint_friction_nm=0.0)
+    rig = replace(nominal.rig, drive=rigid)
+    other = NominalModel(rig, load_friction=True, tolerances=nominal.given_tolerances)
+    names = [f"{FRICTION}.friction_V.{axis}" for axis in axes]
+    more = {name: after.fit.setting[name] - other.assumed_friction_V for name in names}
+    return None if any(other.exceeds_minimum(FRICTION, axis, more) for axis in axes) else other
 
 
 def creeping_servos(evidence: Evidence, nominal: NominalModel) -> tuple[str, ...]:

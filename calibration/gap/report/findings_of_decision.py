@@ -231,7 +231,7 @@ def untestable(state: State, screened: list[Screened] | None) -> tuple[Untestabl
 def extended(decision: Decision, found: tuple[Named, ...], servo: Mapping[str, Interval]) -> Rig:
     """The nominal rig with the named effects `found`, K and tau as fitted (`servo`, mean of both
     axes), or how a servo answers an angle, the unnamed term, the ball's height, and without the
-    friction of the load where the logs refute it, or with it as the motors' own."""
+    friction of the load where the logs refute it."""
     nominal: NominalModel = decision.state.nominal
     rig = nominal.rig
     effects = {n: {a: dict(p) for a, p in by.items()} for n, by in rig.effects.items()}
@@ -248,11 +248,6 @@ def extended(decision: Decision, found: tuple[Named, ...], servo: Mapping[str, I
     }
     fitted = {key: sum(v) / len(v) for key, v in mean.items() if v}
     drive = rig.drive
-    if nominal.at_motor:  # the load's friction is written as that of the motors, which have it
-        for k in nominal.of("coulomb_friction"):
-            if k.key == "friction_V":
-                into = effects.setdefault(k.effect, {}).setdefault(k.axis, {})
-                into[k.key] = decision.state.fit.setting.get(k.name, k.nominal)
     if not (nominal.load_friction or rig.servo.takes_angle):  # the assumed friction is refuted
         drive = replace(
             drive, arm_friction_nm=_light_friction(decision.state), joint_friction_nm=0.0

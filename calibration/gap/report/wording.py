@@ -44,12 +44,6 @@ def _assumed_note(state: State) -> tuple[str, ...]:
     """The note on friction that the nominal model has without anybody having measured it."""
     servos = [output for output in SERVO if output in state.evidence.outputs]
     told = " and ".join(servos).replace("_", " ")
-    if state.nominal.at_motor:
-        return (
-            f"the dry friction of {told} is as large as that of arm and joints in [drive] of the "
-            "rig file, whose shafts are less stiff than the logs show; it is the motors' in the "
-            "rig file that is written",
-        )
     if not state.nominal.load_friction or not servos:
         return ()
     return (

@@ -10,9 +10,8 @@ from calibration.gap import investigate
 from calibration.gap.decision_rule import NAME_THRESHOLD
 from calibration.gap.model.state import State
 from calibration.gap.name.load_friction import (
-    competing,
     friction_models,
-    model_with_friction_at_motor,
+    model_of_rigid_shafts,
     unloaded_model,
 )
 from calibration.gap.name.screen import Screened
@@ -85,18 +84,18 @@ def test_a_play_that_the_ball_shows_and_loaded_motors_deny_is_tried_without_load
 
 
 def test_friction_that_the_rig_file_assumes_is_not_missing_behind_stiffer_shafts():
-    """The shafts do not wind up as assumed: the motor has the friction, and it is the rig file's.
-    A motor without a plate has no joints: there it is missing."""
+    """The shafts do not wind up as assumed: the friction is the rig file's. A motor without a plate
+    has no joints: there it is missing."""
     columns, _, _ = rubbing_joints(3600, seconds=12.0)
     rig = Rig()
     table = investigate([log_of(columns)], rig, until="add", quick=True).findings
     assert table.verdict == "nothing-missing", table.sentence
     assert any("shafts are less stiff" in note for note in table.notes)
     assert table.rig_after is not None
-    drive, effects = table.rig_after.drive, table.rig_after.effects
-    assert drive.arm_friction_nm == drive.joint_friction_nm == 0.0  # it is written as the motors'
-    volts = [effects["coulomb_friction"][axis]["friction_V"] for axis in "xy"]
-    assert volts == pytest.approx([0.1713, 0.1713], rel=0.1)
+    drive, given = table.rig_after.drive, rig.drive
+    assert drive.arm_friction_nm == given.arm_friction_nm + given.joint_friction_nm
+    assert drive.joint_friction_nm == 0.0
+    assert "coulomb_friction" not in table.rig_after.effects
 
     of_motor = {key: columns[key] for key in ("t_s", "voltage_x_V", "theta_x_rad")}
     motor = investigate([log_of(of_motor)], rig, until="name", quick=True).findings
@@ -123,6 +122,6 @@ def test_only_friction_of_all_motors_under_a_plate_is_the_rig_files(
         named=tuple(("coulomb_friction", axis) for axis in named),
         fit=SimpleNamespace(setting=setting),
     )
-    other = model_with_friction_at_motor(held, held)
+    other = model_of_rigid_shafts(held, held)
     assert (other is not None) == same
-    assert other is None or competing(other)[-1].at_motor
+    assert other is None or other.rig.drive == Drive(arm_friction_nm=0.022, joint_friction_nm=0.0)
