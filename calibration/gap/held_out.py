@@ -11,6 +11,7 @@ with B blocks of the windows that overlap, b the means in each.
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from math import inf
 
 import numpy as np
 
@@ -40,8 +41,8 @@ class Prediction:
 
     @property
     def rms(self) -> float:
-        """RMS error 1 s ahead [m or rad]."""
-        return float(np.sqrt(np.mean(self.errors**2)))
+        """RMS error 1 s ahead [m or rad]; infinite where no log lasts long enough for one."""
+        return float(np.sqrt(np.mean(self.errors**2))) if self.errors.size else inf
 
 
 def held_out(state: State, outputs: Iterable[str]) -> dict[str, Prediction]:

@@ -261,9 +261,10 @@ def _refuted(decision: Decision, tried: _Tried) -> tuple[list[Accepted], list[Ac
 
 
 def _better(one: dict[str, Prediction], other: dict[str, Prediction]) -> dict[str, Prediction]:
-    """By output the prediction that errs less 1 s ahead: a fit without names that begins beside
-    them may end in a worse minimum than the one with which naming began."""
-    return {o: min(p, other.get(o, p), key=lambda each: each.rms) for o, p in one.items()}
+    """By output the prediction that errs less 1 s ahead or, where no log lasts that long, costs
+    less: a fit without names that begins beside them may end in a worse minimum than the one with
+    which naming began."""
+    return {o: min(p, other.get(o, p), key=lambda e: (e.rms, e.cost)) for o, p in one.items()}
 
 
 def _leans(decision: Decision, alone: State, one: Accepted, kept: Collection[Accepted]) -> str:

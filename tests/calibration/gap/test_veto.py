@@ -17,7 +17,7 @@ from calibration.gap.model.parameters import NominalModel
 from calibration.gap.model.state import State
 from calibration.gap.name.decide import Decision, decide
 from calibration.gap.name.stepwise import Accepted, settled_baseline
-from calibration.gap.veto import _faint, _not_a_size, decide_by_proof, judge
+from calibration.gap.veto import _better, _faint, _not_a_size, decide_by_proof, judge
 from rig.log import Log
 from tests.support.gap.tables import RIG, evidence_of, foreign, released
 from tests.support.worlds import WORLDS
@@ -51,6 +51,14 @@ def test_one_push_does_not_decide():
 def test_too_few_windows_say_nothing():
     few = errors(1.0, count=MIN_WINDOWS - 1)
     assert gained(few, replace(few, errors=9.0 * few.errors)) == (0.0, 0.0)
+
+
+def test_where_no_log_lasts_a_second_the_model_that_costs_less_stands():
+    """The mean of no error is no number: the first of two was taken, with a warning."""
+    dear, cheap = (Prediction(np.zeros(0), np.array([cost])) for cost in (2.0, 1.0))
+    assert dear.rms == np.inf
+    assert _better({"ball": dear}, {"ball": cheap})["ball"] is cheap
+    assert _better({"ball": cheap}, {"ball": dear})["ball"] is cheap
 
 
 @pytest.mark.slow
