@@ -38,9 +38,12 @@ STEPS = (
         "some minutes.",
     ),
 )
-READ = 1  # the step that is reading alone
-# A button whose words end so opens that tab (shell.js).
-IS_READ = f"I have read it: next step, tab {STEPS[READ + 1][0]}"
+# Steps that end when somebody says so: number from 0 -> the words of the button. A button whose
+# words end so opens that tab (shell.js).
+ENDED_BY_WORD = {
+    i: f"I have {done} it: next step, tab {STEPS[i + 1][0]}"
+    for i, done in ((1, "read"), (2, "watched"))
+}
 IN_ONE_GO = "*The whole study*, in the list *Protocol*, makes the runs of every step in one go."
 
 
@@ -89,7 +92,7 @@ def next_words(done: Sequence[bool]) -> str:
 
 class Tour:
     """Builds the next step above the tabs of the GUI of viser that is open; done: tells which steps
-    are done, as far as the program knows: that the results were read says a button, or the step
+    are done, as far as the program knows: of those of ENDED_BY_WORD a button says so, or the step
     after it; visible: whether it is shown.
     """
 
@@ -103,9 +106,11 @@ class Tour:
     ) -> None:
         self._done, self._said, self._gui = done, "", server.gui
         self._next: Any = server.gui.add_markdown("", order=-50, visible=visible)
-        self._visible, self._read = visible, False
-        self._seen: Any = server.gui.add_button(IS_READ, order=-40, visible=False)
-        controls.button(self._seen, "next step", lambda page: self._note_read(), everybody=True)
+        self._visible, self._at = visible, 0
+        self._said_done: set[int] = set()
+        words = next(iter(ENDED_BY_WORD.values()))
+        self._next_step: Any = server.gui.add_button(words, order=-40, visible=False)
+        controls.button(self._next_step, "next step", lambda page: self.end_step(), everybody=True)
         self._words: Any = None
 
     def add_steps(self) -> None:
@@ -117,17 +122,24 @@ class Tour:
             self._words = self._gui.add_markdown("")
             self._gui.add_markdown(IN_ONE_GO)
 
-    def _note_read(self) -> None:
-        self._read = True
+    def end_step(self) -> None:
+        """Somebody says that the step of the button is done."""
+        self._said_done.add(self._at)
 
     def draw(self) -> None:
         """Tick what was done, and say what is next; only a change is sent."""
-        done = list(self._done())
-        to_read = done[READ] and not (self._read or done[READ + 1])
-        done[READ] = done[READ] and not to_read
+        known = list(self._done())
+        waits = {
+            i for i in ENDED_BY_WORD if known[i] and not (i in self._said_done or known[i + 1])
+        }
+        done = [is_done and i not in waits for i, is_done in enumerate(known)]
         words = tour_words(done)
         if words != self._said:
             self._said = self._words.content = words
             self._next.content = next_words(done)
-        if self._seen.visible != (to_read and self._visible):
-            self._seen.visible = to_read and self._visible
+        at = next_step(done)
+        asks = at in waits and self._visible
+        if at in waits and at != self._at:
+            self._at, self._next_step.label = at, ENDED_BY_WORD[at]
+        if self._next_step.visible != asks:
+            self._next_step.visible = asks

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from experiments.dashboard.server.server import shell_of
-from experiments.dashboard.tabs.tour import IS_READ
+from experiments.dashboard.tabs.tour import ENDED_BY_WORD
 from tests.support.in_browser.page import CUT_OFF
 from tests.support.shell_alone import CONTRAST, opened
 from tests.support.waiting import wait_for
@@ -150,7 +150,7 @@ def test_a_tab_stays_chosen_when_the_window_becomes_a_phones(chromium, program):
 
 @pytest.mark.slow
 def test_a_button_that_names_a_tab_opens_it_on_a_wide_page_and_on_a_phone(chromium, program):
-    program.server.gui.add_button(IS_READ, order=-2)
+    program.server.gui.add_button(ENDED_BY_WORD[1], order=-2)
     tabs = program.server.gui.add_tab_group(order=-1)
     for name in ("Results", "Replay"):
         with tabs.add_tab(name):
@@ -161,7 +161,7 @@ def test_a_button_that_names_a_tab_opens_it_on_a_wide_page_and_on_a_phone(chromi
         page.wait_for_timeout(1500)
         page.get_by_role("tab", name="Results").click(timeout=120e3)
         page.get_by_text("inside of Results").wait_for()
-        page.get_by_role("button", name=IS_READ).click()
+        page.get_by_role("button", name=ENDED_BY_WORD[1]).click()
         page.get_by_text("inside of Replay").wait_for(timeout=10e3)
     page.context.close()
 

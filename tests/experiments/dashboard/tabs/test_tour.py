@@ -8,6 +8,7 @@ import pytest
 
 from experiments.dashboard.session.tasks import RunSummary
 from experiments.dashboard.tabs.tour import (
+    ENDED_BY_WORD,
     STEPS,
     Tour,
     both_completed,
@@ -69,7 +70,7 @@ def tour():
     gui = SimpleNamespace(
         add_folder=lambda label, **k: nullcontext(),
         add_markdown=lambda text, **k: Words(),
-        add_button=lambda label, **k: SimpleNamespace(**k),
+        add_button=lambda label, **k: SimpleNamespace(label=label, **k),
     )
     controls = SimpleNamespace(button=lambda *what, **k: None)
     guide = Tour(SimpleNamespace(gui=gui), controls, lambda: done)  # pyright: ignore[reportArgumentType]
@@ -89,17 +90,31 @@ def test_only_a_change_is_sent_to_the_pages(tour):
     assert "Next: **2, tab Results**" in sent[3]
 
 
-def test_results_are_ticked_when_somebody_says_so_or_went_on(tour):
+def test_what_is_read_or_watched_is_ticked_when_somebody_says_so_or_went_on(tour):
+    """The question of a step stays while its answer is on the screen."""
     guide, sent, done = tour
     done[:2] = [True, True]
     guide.draw()
-    assert guide._seen.visible
+    assert (guide._next_step.visible, guide._next_step.label) == (True, ENDED_BY_WORD[1])
     assert "Next: **2, tab Results**" in sent[-1]
-    guide._note_read()
+    guide.end_step()
     guide.draw()
-    assert not guide._seen.visible
+    assert not guide._next_step.visible
     assert "Next: **3, tab Replay**" in sent[-1]
-    guide._read, done[2] = False, True
+    done[2] = True  # a replay begins
+    guide.draw()
+    assert (guide._next_step.visible, guide._next_step.label) == (True, ENDED_BY_WORD[2])
+    assert "Next: **3, tab Replay**" in sent[-1]
+    guide.end_step()
     guide.draw()
     assert "Next: **4, tab Calibrate**" in sent[-1]
-    assert not guide._seen.visible
+    assert not guide._next_step.visible
+
+
+def test_who_goes_on_by_himself_presses_no_button(tour):
+    guide, sent, done = tour
+    done[:] = [True] * 5
+    done[4] = False
+    guide.draw()
+    assert "Next: **5, tab Gap**" in sent[-1]
+    assert not guide._next_step.visible
