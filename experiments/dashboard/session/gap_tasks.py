@@ -1,8 +1,10 @@
 """Work of the tab Gap for a worker process, and its answers on disk. All of it can be pickled."""
 
 import json
+import time
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
+from math import nan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,13 +23,15 @@ ANSWER = "answer.json"
 @dataclass(frozen=True)
 class ShortAnswer:
     """What stays of an analysis when the program ends: the verdict in plain sentences, the table of
-    `experiments.gap.beside`, more sentences, and one on what the demo hid, "" of recorded runs.
+    `experiments.gap.beside`, more sentences, one on what the demo hid, "" of recorded runs, and how
+    long it took [s], NaN of one of an earlier version.
     """
 
     sentences: list[str]
     table: list[list[str]]
     more: list[str] = field(default_factory=list)
     truth: str = ""
+    took_s: float = nan
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,6 +88,7 @@ def find_gap(
     from experiments.gap.report import origin_words, write_findings
     from experiments.records.run_folder import writable
 
+    begin_s = time.monotonic()
     out.mkdir(parents=True)
     folder = writable(out)
     paths = list(logs) if logs is not None else demo_runs(folder, seed=seed, progress=progress)
@@ -103,6 +108,7 @@ def find_gap(
         progress("both models, side by side", 0, 1)
         models = compare_models(read_evidence(paths), findings.rig_before, findings.rig_after)
     short = _short(findings, paths, calibration, demo=logs is None)
+    short = replace(short, took_s=time.monotonic() - begin_s)
     write_whole(folder / ANSWER, json.dumps(asdict(short)).encode())
     return GapAnswer(short, report, pictures_of(folder), _plate_map(findings.maps), models)
 
@@ -174,7 +180,8 @@ def newest_answer(out: Path) -> GapAnswer | None:
             kept = json_of(folder / ANSWER)
             table = [list(map(str, row)) for row in kept["table"]]
             said, more = list(map(str, kept["sentences"])), list(map(str, kept.get("more", [])))
-            short = ShortAnswer(said, table, more, str(kept.get("truth", "")))
+            truth, took_s = str(kept.get("truth", "")), float(kept.get("took_s", nan))
+            short = ShortAnswer(said, table, more, truth, took_s)
         except (OSError, ValueError, KeyError, TypeError):
             continue
         return GapAnswer(short, folder / "gap.html", pictures_of(folder), None, None)

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from math import ceil
+from math import isfinite, nan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,7 +21,7 @@ from experiments.dashboard.session.tasks import RunSummary
 from experiments.dashboard.session.worker_process import WorkerProcess, WorkItem
 from experiments.dashboard.tabs.gallery import Gallery
 from experiments.dashboard.tabs.guess import Guess
-from experiments.dashboard.view.elapsed import Elapsed
+from experiments.dashboard.view.elapsed import Elapsed, minutes
 from experiments.gap.beside import HEAD
 from experiments.gap.demo import DEMO_PLAY_RAD
 from experiments.gap.short_answer import WANTED, advice, missing_protocols
@@ -51,7 +51,6 @@ BEGINS = {
 # Part of what is left of a stage that the bar goes on by in a second: a stage tells little of how
 # far it is; chosen, as naming takes a minute or two.
 CREEP = 0.015
-EARLY_S = 30.0  # so long nothing is foretold; chosen
 # ... and in words for whoever watches.
 DOES = {
     "baseline": "fitting the model as the rig file has it",
@@ -88,12 +87,13 @@ def stage_lines(on: int, done: bool) -> str:
     return "  \n".join(lines)
 
 
-def left_words(elapsed_s: float, share: float) -> str:
-    """About how long an analysis still takes of which `share` (0 to 1) took elapsed_s [s]."""
-    if elapsed_s < EARLY_S or share <= 0.0:
-        return "some minutes for every run"
-    minutes = ceil(elapsed_s * (1.0 / share - 1.0) / 60.0)
-    return f"about {minutes} min left" if minutes > 1 else "less than a minute left"
+def time_words(elapsed_s: int, before_s: float) -> str:
+    """How long an analysis has been going on [s], and how long the newest one took, before_s [s],
+    NaN: nobody knows. What is left is not foretold: every effect that is found begins a new search.
+    """
+    known = isfinite(before_s)
+    before = f"the one before took {minutes(before_s)}" if known else "it takes some minutes"
+    return f"{minutes(elapsed_s)} so far; {before}"
 
 
 def good_runs(rows: Sequence[RunSummary]) -> list[Path]:
@@ -318,9 +318,9 @@ class GapTab:
         if self._does and self._elapsed.changed():
             self._bar.value += CREEP * max(self._until - self._bar.value, 0.0)
             table = f"\n\n{OWN_TABLE}" if self._demo else ""
-            elapsed_s, first = self._elapsed.seconds, BEGINS["baseline"][1] * (not self._demo)
-            left = left_words(elapsed_s, (self._bar.value - first) / (100 - first))
-            self._words.content = f"*{self._does}* ({elapsed_s} s so far; {left}){table}"
+            before_s = nan if self.answer is None else self.answer.short.took_s
+            time = time_words(self._elapsed.seconds, before_s)
+            self._words.content = f"*{self._does}* ({time}){table}"
 
     def _end(self, answer: GapAnswer) -> None:
         self.answer, self._does = answer, ""

@@ -34,6 +34,7 @@ from experiments.dashboard.session.session import Session
 from experiments.dashboard.tabs.header import live
 from experiments.dashboard.tabs.play_sliders import play_sliders
 from experiments.dashboard.tabs.sliders import SliderGroup
+from experiments.dashboard.view.elapsed import minutes
 from experiments.runs.protocol import shipped
 from rig.loop.commands import Push, SetGains, Target
 
@@ -70,12 +71,6 @@ MARKED = (
     "pushes, targets and gains during a recorded run: they are marked in it, and it is not counted"
 )
 DISTURB = "tick 'Disturb the recorded run' first: what you do will be marked in it"
-
-
-def minutes(seconds: float) -> str:
-    """`seconds` [s] as m:ss."""
-    rounded = max(0, round(seconds))
-    return f"{rounded // 60}:{rounded % 60:02d}"
 
 
 def progress_words(status: SessionStatus) -> str:

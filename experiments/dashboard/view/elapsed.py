@@ -3,6 +3,12 @@
 import time
 
 
+def minutes(seconds: float) -> str:
+    """`seconds` [s] as m:ss."""
+    rounded = max(0, round(seconds))
+    return f"{rounded // 60}:{rounded % 60:02d}"
+
+
 class Elapsed:
     """Whole seconds since it was made, or since `begin`."""
 

@@ -3,6 +3,7 @@
 import json
 from dataclasses import asdict, replace
 from functools import partial
+from math import nan
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,7 @@ from experiments.dashboard.session.gap_tasks import (
 )
 from experiments.dashboard.session.tasks import RunSummary, list_runs
 from experiments.dashboard.session.worker_process import WorkItem
-from experiments.dashboard.tabs.gap import GapTab, beside_list, good_runs, left_words
+from experiments.dashboard.tabs.gap import GapTab, beside_list, good_runs, time_words
 from experiments.dashboard.tabs.guess import digits
 from experiments.gap.demo import demo_runs
 from experiments.records.recording import write_run
@@ -270,7 +271,15 @@ def test_what_is_found_stands_in_place_of_what_can_be_asked(gap):
     assert len(worker.items) == 1
 
 
-def test_how_long_an_analysis_still_takes_is_told_once_it_is_known():
-    assert left_words(10.0, 0.5) == left_words(60.0, 0.0) == "some minutes for every run"
-    assert left_words(60.0, 0.25) == "about 3 min left"
-    assert left_words(200.0, 0.9) == "less than a minute left"
+def test_how_long_the_one_before_took_is_told_in_place_of_a_forecast(gap):
+    assert time_words(125, nan) == "2:05 so far; it takes some minutes"
+    assert time_words(125, 310.2) == "2:05 so far; the one before took 5:10"
+    make, _, _, out = gap
+    for number, kept in ((1, {"took_s": 310.2}), (2, {})):  # 2: as earlier versions wrote it
+        (out / f"gap-{number}").mkdir()
+        said = {"sentences": ["Missing: play."], "table": []}
+        (out / f"gap-{number}" / ANSWER).write_text(json.dumps({**said, **kept}))
+        tab = make()
+        tab.begin(None, None)
+        tab.draw()
+        assert ("the one before took 5:10" in tab._words.content) == (number == 1)

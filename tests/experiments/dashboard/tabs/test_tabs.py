@@ -38,9 +38,9 @@ from experiments.dashboard.tabs.gap import BEGINS, STAGES, stage_lines
 from experiments.dashboard.tabs.header import link_words
 from experiments.dashboard.tabs.results import NEWEST, ResultsTab, card, table
 from experiments.dashboard.tabs.run import (
-    minutes,
     progress_words,
 )
+from experiments.dashboard.view.elapsed import minutes
 from experiments.dashboard.view.side_plates import CELL_PX, map_image, off_words
 from experiments.gap.closed_loop_replay import table_motion
 from experiments.records.recording import Recorder, write_run
