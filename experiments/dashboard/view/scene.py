@@ -164,7 +164,8 @@ class TableScene:
     def __init__(self, server: "ViserServer | ClientHandle", rig: Rig) -> None:
         self._rig, scene = rig, server.scene
         noise_mm = 1e3 * noise_alone_m(rig)
-        self._model_words = f"model {{:.1f}} mm off (noise alone: {noise_mm:.0f} mm)"
+        # On two lines: it hides fewer of the numbers along the plate's edge.
+        self._model_words = f"model {{:.1f}} mm off\n(noise alone: {noise_mm:.0f} mm)"
         self.table = PlateModel(server, "/table", rig)
         draw_grid(server, f"{self.table.name}/plate", rig.linkage.plate_side_m)
         vertices, faces = ball_mesh(HALO * rig.ball.radius_m)

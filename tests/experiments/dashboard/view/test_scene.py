@@ -23,7 +23,7 @@ def test_the_models_distance_says_what_noise_makes_and_each_ball_has_its_trail()
     try:
         scene = TableScene(server, Rig())
         scene.compare(np.array([0.01, 0.0]), np.array([0.021, 0.0]))
-        assert scene.gap_label.text == "model 11.0 mm off (noise alone: 6 mm)"
+        assert scene.gap_label.text == "model 11.0 mm off\n(noise alone: 6 mm)"
         scene.draw_trails({"with": np.zeros((3, 2)), "without": np.ones((5, 2))})
         assert [len(scene.trails[name].points) for name in ("with", "without")] == [2, 4]
         unseen = np.array([[np.nan, np.nan], [0.0, 0.0], [0.01, 0.0]])  # before it was seen first
