@@ -188,7 +188,8 @@ def _verdict(
     known: Mapping[str, Effect],
 ) -> str:
     """An effect is there where its size, its first parameter, is; of one that is not, what shapes
-    it says nothing, and a shape that the truth does not tell is at its null."""
+    it says nothing, and a shape that the truth does not tell is at its null. A shape that differs
+    denies no name."""
     if place not in found:
         return NOT_NAMED
     one = found[place]
@@ -199,12 +200,9 @@ def _verdict(
         if (name, axis, size) not in truth:
             return NOT_THERE if key == size else ""
         true = truth.get(place, nulls.get(key, 0.0))
-        other = Interval(true, true, true)
-    elif place in calibrated:
-        other = calibrated[place]
-    else:
-        return ""
-    return agreement(one, other)
+        verdict = agreement(one, Interval(true, true, true))
+        return DIFFERS if verdict == CONTRADICTS and key != size else verdict
+    return agreement(one, calibrated[place]) if place in calibrated else ""
 
 
 def agreement(one: Interval, other: Interval) -> str:
