@@ -196,11 +196,18 @@
     }
   }, LAID_OUT_MS);
   // Who listens to the page hears of a field the words beside it: viser ties only some to theirs.
+  // Of a button that is an icon alone they hear what viser tells a mouse that rests on it.
+  const ICONS = { "list-search": "Commands (Ctrl+K)", adjustments: "Configuration & diagnostics" };
   setInterval(() => {
     for (const label of document.querySelectorAll("label[for]"))
       for (const field of label.control ? []
         : label.closest(".mantine-Flex-root")?.querySelectorAll("input, [role=slider]") ?? [])
         if (!field.getAttribute("aria-label")) field.setAttribute("aria-label", label.textContent);
+    for (const one of document.querySelectorAll("button:not([aria-label], [aria-hidden])")) {
+      if (one.textContent.trim()) continue;
+      const icon = /tabler-icon-([\w-]+)/.exec(one.innerHTML)?.[1] ?? "close";
+      one.setAttribute("aria-label", ICONS[icon] ?? icon.replaceAll("-", " "));
+    }
   }, LAID_OUT_MS);
   // A button whose words end in "tab Replay" opens it.
   addEventListener("click", (event) => {

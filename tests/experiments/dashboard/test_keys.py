@@ -6,6 +6,11 @@ import pytest
 from tests.support.shell_alone import opened
 from tests.support.waiting import wait_for
 
+# Buttons in view that the Tab key reaches and that say nothing to who cannot see them.
+NAMELESS = """() => [...document.querySelectorAll("button")].filter(one => one.tabIndex >= 0
+  && one.checkVisibility() && !(one.innerText.trim() || one.ariaLabel || one.title))
+  .map(one => one.outerHTML.slice(0, 400))"""
+
 
 @pytest.mark.slow
 def test_an_arrow_is_a_commands_after_a_click_on_a_tab_and_turns_no_view(chromium, program):
@@ -32,7 +37,9 @@ def test_an_arrow_is_a_commands_after_a_click_on_a_tab_and_turns_no_view(chromiu
 
 
 @pytest.mark.slow
-def test_every_field_and_slider_has_the_name_that_stands_beside_it(chromium, program):
+def test_every_field_and_slider_has_the_name_that_stands_beside_it_and_icons_their_hints(
+    chromium, program
+):
     program.server.gui.add_text("Your guess", "", order=-1)
     program.server.gui.add_slider("Push", 0.0, 1.0, 0.1, 0.5, order=-1)
     page = opened(chromium, program)
@@ -40,4 +47,7 @@ def test_every_field_and_slider_has_the_name_that_stands_beside_it(chromium, pro
     page.get_by_role("slider", name="Push", exact=True).wait_for()
     page.get_by_role("textbox", name="Push", exact=True).wait_for()  # the slider's number
     page.get_by_role("textbox", name="P", exact=True).wait_for()  # viser's own name stays
+    page.get_by_role("button", name="Configuration & diagnostics").wait_for()
+    page.wait_for_timeout(3000)
+    assert page.evaluate(NAMELESS) == []
     page.context.close()
