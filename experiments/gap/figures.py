@@ -17,19 +17,23 @@ from calibration.gap.findings import PlateMap, Profile, ProofRow, RankedEffect, 
 from calibration.gap.report.units import effect_words, shown_unit, sig
 from experiments.gap.words import channel_words, percent
 from experiments.picture_files import our_style, subplots, write_figure
-from experiments.reports.figures import CENTRE, WITH, WITHOUT
+from experiments.reports.figures import CENTRE, WITH
 from rig.parameters import CHANNELS
 
+# x purple and y orange, as in the dashboard's curves; the ball's paler. Red and blue are the
+# controllers' (with and without play compensation).
 COLOURS: dict[str, str] = dict(
-    zip(CHANNELS, ("#1f4fd8", "#56b4e9", "#d62728", "#e69f00"), strict=True)
+    zip(CHANNELS, ("#5f3dc4", "#cf4708", "#b197fc", "#ffa94d"), strict=True)
 )
 STYLES: dict[str, str] = dict(zip(CHANNELS, ("-", "--", "-", "--"), strict=True))
 LOG_BEYOND = 8.0  # gaps that differ by more are drawn on a logarithmic axis
 SHOWN_NAMES = 10
 # Chosen: with more bars than that their values stand upright; letters in a line of a label.
 MOST_LEVEL, LABEL_LETTERS, NARROW_LETTERS = 16, 36, 10
-LINE_LETTERS, MOST_NUMBERS = 90, 30  # across a figure; chosen: they do not touch
-WIDE, SMALL = 8.6, 9  # inches, points: letters are read where a figure is as wide as a page
+LINE_LETTERS, MOST_NUMBERS = 76, 25  # across a figure; chosen: they do not touch
+# Inches, points: as wide as a sheet and no higher than style.css allows there, so that letters are
+# printed as large as they are.
+WIDE, MOST_HIGH, SMALL = 7.1, 3.3, 9
 
 
 def save(figure: Figure, folder: Path, name: str) -> Path:
@@ -123,15 +127,14 @@ def over_state(profiles: Sequence[Profile]) -> Figure:
         panels.setdefault((profile.quantity, profile.unit), []).append(profile)
     columns = 2 if len(panels) == 4 else min(3, len(panels))
     rows = ceil(len(panels) / columns)
-    figure, axes = subplots(rows, columns, figsize=(WIDE, 2.1 * rows), squeeze=False)
+    figure, axes = subplots(rows, columns, figsize=(WIDE, MOST_HIGH / 2 * rows), squeeze=False)
     for axis in axes.flat[len(panels) :]:
         axis.set_axis_off()
     largest = _largest(profiles)
     for axis, ((_, unit), curves) in zip(axes.flat, panels.items(), strict=False):
         _panel(axis, unit, curves)
         _gap_scale(axis, largest)
-    for row in axes:
-        row[0].set_ylabel("gap [noise floors]")
+    figure.supylabel("gap [noise floors]", fontsize="medium")
     handles = {}
     for axis in axes.flat:
         handles |= {label: h for h, label in zip(*axis.get_legend_handles_labels(), strict=True)}
@@ -163,7 +166,7 @@ def plate_map(found: PlateMap) -> Figure:
 
     Cells without samples are grey.
     """
-    figure, axes = subplots(1, 2, figsize=(WIDE, 3.9), sharey=True)
+    figure, axes = subplots(1, 2, figsize=(WIDE, MOST_HIGH), sharey=True)
     mean = np.where(np.asarray(found.count)[..., None] > 0, found.mean, np.nan)
     finite = mean[np.isfinite(mean)]
     top = max(1.0, float(np.abs(finite).max())) if len(finite) else 1.0
@@ -219,7 +222,7 @@ def _wrapped(label: str, width: int = 38) -> str:
 @our_style()
 def shrinking(steps: Sequence[Step]) -> Figure:
     """Gap of every channel [noise floors] after each added effect, as groups of bars."""
-    figure, axis = subplots(figsize=(WIDE, 3.6))
+    figure, axis = subplots(figsize=(WIDE, MOST_HIGH))
     channels = [c for c in CHANNELS if any(c in step.gap for step in steps)]
     at = np.arange(len(steps))
     width = 0.8 / max(len(channels), 1)
@@ -288,7 +291,7 @@ def ahead(rows: Sequence[ProofRow], floor_mm: float | None) -> Figure:
     for i, value in enumerate(values):
         axis.text(value + 0.01 * top, i, f"{sig(value)} mm", va="center", fontsize=SMALL)
     if floor_mm is not None:
-        axis.axvline(floor_mm, color=WITHOUT, ls=":", lw=1.4, label=f"floor {sig(floor_mm)} mm")
+        axis.axvline(floor_mm, color=CENTRE, ls=":", lw=1.4, label=f"floor {sig(floor_mm)} mm")
         axis.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), frameon=False)
     axis.set_yticks(range(len(shown)), labels)
     axis.set(xlabel="error 1 s ahead, ball [mm RMS]", xlim=(0, 1.18 * top or 1))

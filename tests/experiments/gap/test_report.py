@@ -329,6 +329,22 @@ def texts_inside(figure):
     assert min(letters) * ENLARGED_PX / (96 * tight.width) >= 9.0
 
 
+def test_letters_of_figures_have_9_points_on_a_sheet():
+    """Printed, a figure is at most 186 mm wide and 85 mm high (style.css)."""
+    sides = [[p for p in named().profiles if p.channel.startswith(s)] for s in ("servo", "ball")]
+    over = [figures.over_state([p for p in side if p.quantity != "time"]) for side in sides]
+    steps = [Step(n, dict.fromkeys(CHANNELS, 2.0)) for n in ("", *(e.name for e in CATALOGUE[:6]))]
+    rows = [ProofRow("named: joint_backlash", {}, 3.0)]
+    others = figures.shrinking(steps), figures.ranking(RANKING, []), figures.ahead(rows, 2.0)
+    for figure in (*over, *others, *map(figures.plate_map, named().maps)):
+        figure.canvas.draw()
+        high_in, wide_in = (
+            x + 0.16 for x in (figure.get_tightbbox().height, figure.get_figwidth())
+        )
+        letters = [t.get_fontsize() for t in figure.findobj(Text) if t.get_text()]
+        assert min(letters) * min(1.0, 186 / 25.4 / wide_in, 85 / 25.4 / high_in) >= 8.9
+
+
 def test_figures_have_room_for_their_words():
     names = [e.name for e in CATALOGUE[:6]]
     steps = [Step("", dict.fromkeys(CHANNELS, 60.0))]
