@@ -48,14 +48,14 @@ def clues(runs: Sequence[Path], *, seed: int) -> list[str]:
     seed: of the examples. OSError, ValueError: a run cannot be read.
     """
     x, y = swing_cm(read_run(next(run for run in runs if "free-release" in run.name)).log)
-    lines = [f"The ball swings by {x:.2f} cm in x and {y:.2f} cm in y. With a play of"]
+    lines = [f"The ball swings by {x:.2f} cm in x and {y:.2f} cm in y. It would, with a play of"]
     for play in EXAMPLES_DEG:
         plant = demo_plant(dict.fromkeys("xy", radians(play)))
         request = RunRequest(
             plant, read_protocol("free-release"), "without", seed, Path(), kind=Rig()
         )
         u, v = swing_cm(simulate_run(request).log)
-        lines.append(f"  {play:.1f} degrees it would swing by {u:.2f} and {v:.2f} cm")
+        lines.append(f"  {play:.1f} degrees: by {u:.2f} and {v:.2f} cm")
     return lines
 
 
