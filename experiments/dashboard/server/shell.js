@@ -202,7 +202,10 @@
     for (const label of document.querySelectorAll("label[for]"))
       for (const field of label.control ? []
         : label.closest(".mantine-Flex-root")?.querySelectorAll("input, [role=slider]") ?? [])
-        if (!field.getAttribute("aria-label")) field.setAttribute("aria-label", label.textContent);
+        if (!field.getAttribute("aria-label")) {
+          field.setAttribute("aria-label", label.textContent);
+          if (/\]$/.test(label.textContent)) field.inputMode = "decimal";  // it has a unit
+        }
     for (const one of document.querySelectorAll("button:not([aria-label], [aria-hidden])")) {
       if (one.textContent.trim()) continue;
       const icon = /tabler-icon-([\w-]+)/.exec(one.innerHTML)?.[1] ?? "close";
@@ -226,6 +229,10 @@
   addEventListener("click", (event) => {
     if (event.detail > 0) event.target.closest?.("button, [role=tab]")?.blur();
   });
+  // Two fingers, or a phone's keyboard, move what is seen over the page: the bar goes along.
+  const seen = window.visualViewport;
+  const goAlong = () => bar.style.translate = `${seen.offsetLeft}px ${seen.offsetTop}px`;
+  for (const what of ["scroll", "resize"]) seen?.addEventListener(what, goAlong);
   // On a phone the table stands above viser's sheet, which folds.
   const sheet = () => document.querySelector('.mantine-Paper-root[style*="position: fixed"]');
   setInterval(() => root.style.setProperty(

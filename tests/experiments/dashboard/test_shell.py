@@ -377,3 +377,20 @@ def test_each_page_is_light_or_dark_by_itself_without_being_loaded_anew(chromium
     assert "darkMode" not in light.url
     light.context.close()
     dark.context.close()
+
+
+@pytest.mark.slow
+def test_stop_is_in_sight_of_who_has_enlarged_the_page(chromium, program):
+    """Two fingers move what is seen over the page, as a phone's keyboard does."""
+    page = opened(
+        chromium, program, viewport={"width": 390, "height": 844}, has_touch=True, is_mobile=True
+    )
+    stop, first = page.locator("#rig-stop"), page.locator("#rig-stop").bounding_box()
+    fingers = page.context.new_cdp_session(page)
+    fingers.send("Emulation.setPageScaleFactor", {"pageScaleFactor": 2})
+    page.mouse.move(100, 200)
+    page.mouse.wheel(80, 200)
+    moved = "Math.min(visualViewport.offsetLeft, visualViewport.offsetTop)"
+    wait_for("what is seen is moved", lambda: page.evaluate(moved) > 30, 10.0)
+    wait_for("STOP in its corner", lambda: stop.bounding_box() == first, 10.0)
+    page.context.close()
