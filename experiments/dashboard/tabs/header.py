@@ -160,7 +160,8 @@ class Header:
 # a name does, in a column that is as wide as a word ("completed") all the same.
 WRAP = (
     "<style>p, li, h4, .rig-name { overflow-wrap: anywhere } "
-    "th, td { padding-right: 0.7em } td:has(.rig-name) { min-width: 5.5em }</style>"
+    "th, td { padding-right: 0.7em } td:has(.rig-name) { min-width: 5.5em } "
+    "td:nth-child(3):has(.rig-name) { min-width: 6.4em }</style>"
 )
 
 

@@ -38,6 +38,7 @@ def words_with_extremes() -> list[str]:
     truth = [f"| joint play, {axis} | {measured(SIZE)} | 1.5 deg | differs |" for axis in "xy"]
     found = f"| servo: breaks away at, down, x | {measured(SIZE.replace('deg', 'rad/(s V)'))} |"
     return [
+        table([ORDINARY], {}),
         table([ORDINARY, LONG], {one.folder.name: (-123.45, 100.0) for one in (ORDINARY, LONG)}),
         table([unbroken], {unbroken.folder.name: (-123.45, 100.0)}),
         card(DrawnFigures([], [LONG], "1234.5 times nearer.", rows, (1000, 1000))),
@@ -61,4 +62,6 @@ def test_tables_fit_the_panel_whatever_they_say(chromium, program: ShellAlone, a
         page.wait_for_timeout(500)
         page.screenshot(path=str(artefacts / f"extremes-{width}.png"))
         nothing_cut_off(page)
+        for outcome in page.get_by_text("completed", exact=True).all():  # the word is whole
+            assert outcome.evaluate("one => one.getClientRects().length") == 1
     page.context.close()
