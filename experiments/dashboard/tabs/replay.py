@@ -168,6 +168,14 @@ class ReplayTab:
             raise ValueError("no run of the other controller with this protocol and seed")
         return row, beside
 
+    def _why_not(self, page: int) -> list[str]:
+        """Why a page cannot press Show: a finger gets no hint of a button that is greyed."""
+        try:
+            self._wanted(page)
+        except ValueError as why:
+            return [f"**Show** is greyed: {plain(why)}."]
+        return []
+
     def show(self, page: int) -> None:
         """Have the worker read the run that a page chose and make its video; what it read for this
         page before is dropped.
@@ -248,8 +256,10 @@ class ReplayTab:
         """Write each film's time on its page, and move the slider with a film that runs."""
         for page, viewer in list(self._viewers.items()):
             tell, playback = partial(self._pages.tell, page), viewer.playback
-            words, label, lines, at_s = LIVE, PLAY, "", 0.0
-            if playback is not None:
+            words, label, lines, at_s = "", PLAY, "", 0.0
+            if playback is None:
+                words = " ".join([LIVE, *self._why_not(page)])
+            else:
                 t_s, end_s = playback.clock.t_s, playback.clock.end_s
                 words = f"**Replay** of {plain(playback.name)}"
                 words += f": {t_s:.2f} of {end_s:.2f} s"

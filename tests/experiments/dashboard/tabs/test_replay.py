@@ -15,7 +15,7 @@ from experiments.dashboard.session.live import LiveBuffer
 from experiments.dashboard.session.playback import Playback, run_film
 from experiments.dashboard.session.tasks import RunSummary
 from experiments.dashboard.session.worker_process import WorkItem
-from experiments.dashboard.tabs.replay import ReplayTab, event_lines, partner
+from experiments.dashboard.tabs.replay import LIVE, ReplayTab, event_lines, partner
 from experiments.dashboard.view.distance_chart import distances_cm, scale_cm
 from experiments.records.recording import Run
 from rig.log import INDEX, Log
@@ -72,6 +72,21 @@ def test_what_needs_a_film_is_greyed_until_the_page_has_one(replay):
     assert "no run of the other controller" in why(controls, show)
     tab._rows = list
     assert why(controls, show) == "no such run: make one in the tab Run"
+
+
+def test_why_no_replay_can_be_shown_is_said_without_a_mouse(replay):
+    tab, *_ = replay
+    told: dict = {}
+    tab._pages.tell = lambda page, handle, **what: told.update({id(handle): what})
+    tab._pick(1, tab._picked.value)
+
+    def words() -> str:
+        tab.draw()
+        return told[id(tab._words)]["_markdown"]
+
+    assert words() == LIVE
+    tab._set_both(1, True)
+    assert "greyed: no run of the other controller with this protocol and seed." in words()
 
 
 def recorded(seconds=30.0, arm="with", begin_s=0.0):
