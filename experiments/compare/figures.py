@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
+from matplotlib.ticker import MaxNLocator
 
 from experiments.compare.case import Case
 from experiments.compare.statistics import HARMS, HELPS
@@ -18,6 +19,7 @@ COLOURS = {"without": "#1f4fd8", "with": "#d62728", "adaptive": "#9467bd", "neur
            "lqg": "#bcbd22", "mpc": "#393b79"}  # fmt: skip
 
 
+WIDE = 7.1  # inches: as wide as a sheet, so that letters are printed as large as they are
 BAR_CELLS = 8  # chosen: from here on the bar's label fits beside the map
 
 
@@ -91,7 +93,7 @@ def effect_figure(results: Mapping, out: Path) -> Path:
     figure, axes = subplots(
         lines,
         columns,
-        figsize=(3.1 * columns, 0.8 + 2.3 * lines),
+        figsize=(WIDE, 0.8 + 0.18 * len(conditions) * lines),
         sharex=True,
         sharey=True,
         squeeze=False,
@@ -109,7 +111,8 @@ def effect_figure(results: Mapping, out: Path) -> Path:
         ax.axvspan(-relevant, relevant, color="0.85", zorder=0)
         ax.set_title(cell["play"], fontsize=9)
         ax.set_yticks(range(len(conditions)), conditions)
-    axes[0, 0].invert_yaxis()
+    axes[0, 0].set_ylim(len(conditions) - 0.5, -0.5)
+    axes[0, 0].xaxis.set_major_locator(MaxNLocator(3, steps=[1, 2, 5, 10]))
     figure.supxlabel("gain over no compensator [cm RMS], right: it helps", fontsize=9)
     return save(figure, out, "compare_effects", "simulated")
 
@@ -126,7 +129,7 @@ def case_figure(case: Case, out: Path) -> Path:
     figure, axes = subplots(
         len(case.runs),
         2,
-        figsize=(9, 1.6 * len(case.runs)),
+        figsize=(WIDE, 0.6 + 0.62 * len(case.runs)),
         sharex=True,
         sharey="col",
         squeeze=False,
@@ -135,10 +138,12 @@ def case_figure(case: Case, out: Path) -> Path:
         t, xy = ball_cm(run.log)
         colour = COLOURS.get(condition, "black")
         left.plot(t, xy[:, 0], color=colour, lw=0.9)
-        left.set_ylabel(f"{condition}\nball x [cm]", fontsize=9)
+        name = condition.replace("-", "-\n")
+        left.set_ylabel(name, fontsize=9, rotation=0, ha="right", va="center")
         angle = np.degrees(shown_angles(run.log.rows)[:, 0])
         right.plot(_seconds(run.log), angle, color=colour, lw=0.7)
-        right.set_ylabel(f"{servo_word(run.log)} [deg]", fontsize=9)
+        axes[0, 1].set_title(f"{servo_word(run.log)} [deg]", fontsize=9)
+    axes[0, 0].set_title("ball x [cm]", fontsize=9)
     for ax in axes[-1]:
         ax.set_xlabel("t [s]")
     return save(figure, out, "compare_case", "simulated")
@@ -151,7 +156,7 @@ def crossing_figure(case: Case, out: Path) -> Path:
     """
     conditions = [condition for condition in case.runs if condition != "adaptive-asymmetric"][:4]
     figure, axes = subplots(
-        1, len(conditions), figsize=(2.9 * len(conditions), 2.9), sharey=True, squeeze=False
+        1, len(conditions), figsize=(WIDE, 2.9), sharex=True, sharey=True, squeeze=False
     )
     for ax, condition in zip(axes[0], conditions, strict=True):
         run = case.runs[condition]
@@ -162,7 +167,7 @@ def crossing_figure(case: Case, out: Path) -> Path:
             (run.reference_rad, "reference", "0.5", "-"),
             (
                 shown_angles(run.log.rows)[:, 0],
-                servo_word(run.log),
+                f"{servo_word(run.log)} (coloured)",
                 COLOURS.get(condition, "black"),
                 "-",
             ),
@@ -171,8 +176,10 @@ def crossing_figure(case: Case, out: Path) -> Path:
             ax.plot(t, np.degrees(values[part]), style, color=colour, label=label, lw=1.1)
         ax.set_title(condition, fontsize=9)
         ax.set_xlabel("t [s]")
+    axes[0, 0].set_xticks([0.0, 0.5, 1.0])
     axes[0, 0].set_ylabel("angle at the servo [deg]")
-    axes[0, 0].legend(fontsize=9)
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=4, fontsize=9)
     return save(figure, out, "compare_crossing", "simulated")
 
 

@@ -4,8 +4,10 @@ import matplotlib.colors
 import numpy as np
 
 from experiments.compare import figures, report
+from experiments.compare.case import Case, Traced
 from experiments.compare.statistics import EVEN, HARMS, HELPS, OPEN
 from experiments.compare.words import _winners, paper_words, too_few_words, words
+from rig.log import Log
 
 
 def cell(play: str, verdicts: dict[str, str], effect: float = 0.3) -> dict:
@@ -111,3 +113,28 @@ def test_where_nothing_completed_nothing_has_the_smallest_error():
         "In 1 of 1 cells no condition has one: too few runs completed."
     ]
     assert _winners([none, one], "distance")[0].endswith("of 2 cells: with in 1.")
+
+
+def test_letters_are_printed_as_large_as_they_are(tmp_path):
+    """A figure that is no wider than a sheet (186 mm) nor higher than 85 mm (style.css) is not
+    shrunk; its letters have 9 points."""
+    import cv2
+
+    t_s = np.arange(0.0, 20.0, 0.01)
+    wave = np.sin(t_s)
+    names = ("ball_x_m", "ball_y_m", "desired_theta_x_rad", "theta_x_rad", "theta_y_rad")
+    log = Log.from_columns({"t_s": t_s} | dict.fromkeys(names, wave))
+    run = Traced(log, wave, wave, np.zeros((len(t_s), 2)))
+    case = Case("a cell", 0.03, 0.0, dict.fromkeys(("without", "with", "neural", "adaptive"), run))
+    judged = {"verdict": OPEN, "effect": 0.5, "low": 0.1, "high": 0.9, "relevant": 0.1}
+    arms = {"without": {}} | {f"arm {i}": {"against_without": judged} for i in range(6)}
+    place = {"friction": "own", "fault": "", "protocol": "hold", "arms": arms}
+    cells = [{**place, "play": f"gear 1, joint {i}"} for i in range(4)]
+    results = {"cells": cells, "grid": {"frictions": {"own": {}}}}
+    files = [draw(case, tmp_path) for draw in (figures.case_figure, figures.crossing_figure)]
+    for file in (*files, figures.effect_figure(results, tmp_path)):
+        picture = cv2.imread(str(file))
+        assert picture is not None
+        high_in, wide_in = (pixels / 150 for pixels in picture.shape[:2])
+        assert wide_in <= 186 / 25.4
+        assert high_in <= 85 / 25.4
