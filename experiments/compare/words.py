@@ -41,8 +41,8 @@ def few_seeds_words(tests: int, seeds: int | None) -> list[str]:
         return []
     return [
         f"With {seeds} seeds a cell no difference can be certain among {tests} tests: p is "
-        f"{2.0 ** (1 - seeds):.2g} at least. It takes {ceil(log2(2 * tests / SURE))} seeds: "
-        "--seeds."
+        f"{2.0 ** (1 - seeds):.2g} at least. It takes {ceil(log2(2 * tests / SURE))} seeds "
+        "(option --seeds)."
     ]
 
 

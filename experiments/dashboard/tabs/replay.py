@@ -118,7 +118,7 @@ class ReplayTab:
         controls.needs(self._wanted, show)
         self._scrub: Any = gui.add_slider("Time [s]", 0.0, 1.0, STEP_S, 0.0)
         controls.own_value(self._scrub, "time", FILM_S.clamp, self._seek)
-        self._fast: Any = gui.add_slider("Speed", SPEED.low, SPEED.high, SPEED.step, 1.0)
+        self._fast: Any = gui.add_slider("Speed [x]", SPEED.low, SPEED.high, SPEED.step, 1.0)
         controls.own_value(self._fast, "speed", SPEED.clamp, self._set_speed)
         self._play: Any = gui.add_button(PLAY)
         self.key(self._play, "play", self.toggle)
