@@ -2,16 +2,19 @@
 altered as a change would."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
+from calibration.gap import constancy
 from calibration.gap.constancy import changing
 from calibration.gap.model.change import Change
 from calibration.gap.model.fit import evaluate
 from calibration.gap.model.parameters import BALL, NominalModel
 from calibration.gap.model.state import State, refit
-from calibration.gap.name.stepwise import settled_baseline
+from calibration.gap.name.stepwise import Accepted, settled_baseline
 from rig.log import Log
 from tests.support.gap.tables import RIG, evidence_of, foreign, released, without_columns
 
@@ -45,6 +48,30 @@ def late_camera(log: Log, late_s: float) -> Log:
         seen = np.isfinite(here)
         ball[name] = np.where(seen, np.interp(t - late, t[seen], here[seen]), np.nan)
     return altered(log, **ball)
+
+
+@pytest.mark.parametrize(("on_y_rad", "told"), [(5e-6, ""), (0.0176, "its size on y")])
+def test_a_size_that_is_not_told_is_not_asked_whether_it_is_constant(
+    on_y_rad: float, told: str, monkeypatch: pytest.MonkeyPatch
+):
+    """A play of x alone was doubted since nearly nothing on y changed by 3600 times itself."""
+    nominal = NominalModel(RIG, load_friction=False)
+    setting = {"gear_backlash.play_rad.x": 0.0176, "gear_backlash.play_rad.y": on_y_rad}
+    monkeypatch.setattr(constancy, "_slopes", lambda state, output: None)
+    monkeypatch.setattr(constancy, "_ramps", lambda state, output: [("angle", np.zeros(1))])
+    found = {"x": SimpleNamespace(chance=0.5, sizes=np.zeros(1))}
+    other = SimpleNamespace(chance=0.0, sizes=np.array([0.018]))
+    monkeypatch.setattr(
+        constancy,
+        "_beside",
+        lambda state, output, slopes, names, along: found.get(names[0][-1], other),
+    )
+    state: Any = SimpleNamespace(
+        nominal=nominal, fit=SimpleNamespace(setting=setting), bounds=lambda outputs: setting
+    )
+    play = Accepted("gear_backlash", ("x", "y"), 9.0, ())
+    assert constancy.inconstancy(state, play, "servo_y").startswith(told)
+    assert bool(constancy.inconstancy(state, play, "servo_y")) == bool(told)
 
 
 @pytest.mark.parametrize("seed", range(3))
