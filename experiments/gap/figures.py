@@ -253,7 +253,9 @@ def shrinking(steps: Sequence[Step]) -> Figure:
                     fontsize=SMALL,
                 )
     _floor_line(axis)
-    axis.set_xticks(at, [_step_label(step.added, len(steps)) for step in steps])
+    labels = [_step_label(step.added, len(steps)) for step in steps]
+    axis.set_xticks(at, labels, fontsize=SMALL)
+    axis.set_xlim(-0.5, len(steps) - 0.5)
     room = 1.15 if largest > LOG_BEYOND else 1.05
     axis.set_ylim(top=axis.get_ylim()[1] * room ** (2 if upright else 1))
     axis.set_ylabel("gap [noise floors]")

@@ -14,6 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.text import Text
 
+from calibration.gap.decision_rule import MAX_EFFECTS
 from calibration.gap.findings import (
     ClosedLoopRow,
     Findings,
@@ -361,6 +362,16 @@ def test_figures_have_room_for_their_words():
     texts_inside(figures.ranking(long, ["joint_backlash"]))
     rows = [ProofRow("named: transmission_ripple + joint_backlash + level_offset", {}, 3.0)]
     texts_inside(figures.ahead(rows, 2.0))
+
+
+def test_steps_of_as_many_names_as_there_can_be_do_not_touch():
+    longest = sorted((e.name for e in CATALOGUE), key=len)[-MAX_EFFECTS:]
+    figure = figures.shrinking([Step(n, dict.fromkeys(CHANNELS, 12.3)) for n in ("", *longest)])
+    figure.canvas.draw()
+    axis = figure.axes[0]
+    for texts in (axis.get_xticklabels(), sorted(axis.texts, key=lambda one: one.get_position())):
+        spans = [(one.get_window_extent().x0, one.get_window_extent().x1) for one in texts]
+        assert all(left < right for (_, left), (right, _) in pairwise(spans))
 
 
 def test_every_parameter_of_the_catalogue_has_a_unit_and_words():
