@@ -19,7 +19,10 @@ COLOURS = {"without": "#1f4fd8", "with": "#d62728", "adaptive": "#9467bd", "neur
            "lqg": "#bcbd22", "mpc": "#393b79"}  # fmt: skip
 
 
-WIDE = 7.1  # inches: as wide as a sheet, so that letters are printed as large as they are
+# Inches: as wide as a sheet and no higher than style.css allows there, so that letters are printed
+# as large as they are.
+WIDE, MOST_HIGH = 7.1, 3.3
+PANELS = 8  # in a line; chosen: the shipped grid's plays
 BAR_CELLS = 8  # chosen: from here on the bar's label fits beside the map
 
 
@@ -88,12 +91,12 @@ def effect_figure(results: Mapping, out: Path) -> Path:
     cells = [c for c in results["cells"] if c["friction"] == first and not c["fault"]]
     cells = [c for c in cells if c["protocol"] == cells[0]["protocol"]]
     conditions = conditions_of(results["cells"])
-    columns = min(4, len(cells))
+    columns = min(PANELS, len(cells))
     lines = -(-len(cells) // columns)
     figure, axes = subplots(
         lines,
         columns,
-        figsize=(WIDE, 0.8 + 0.18 * len(conditions) * lines),
+        figsize=(WIDE, 1.0 + 0.15 * len(conditions) * lines),
         sharex=True,
         sharey=True,
         squeeze=False,
@@ -109,10 +112,11 @@ def effect_figure(results: Mapping, out: Path) -> Path:
                 ax.plot(t["effect"], j, "o", color=colour, ms=4)
         relevant = cell["arms"][conditions[0]]["against_without"]["relevant"]
         ax.axvspan(-relevant, relevant, color="0.85", zorder=0)
-        ax.set_title(cell["play"], fontsize=9)
-        ax.set_yticks(range(len(conditions)), conditions)
+        ax.set_title(cell["play"].replace(", ", ",\n"), fontsize=9)
+        ax.set_yticks(range(len(conditions)), conditions, fontsize=9)
+        ax.tick_params("x", labelsize=9)
     axes[0, 0].set_ylim(len(conditions) - 0.5, -0.5)
-    axes[0, 0].xaxis.set_major_locator(MaxNLocator(3, steps=[1, 2, 5, 10]))
+    axes[0, 0].xaxis.set_major_locator(MaxNLocator(2 if columns > 4 else 3, steps=[1, 2, 5, 10]))
     figure.supxlabel("gain over no compensator [cm RMS], right: it helps", fontsize=9)
     return save(figure, out, "compare_effects", "simulated")
 
@@ -129,7 +133,7 @@ def case_figure(case: Case, out: Path) -> Path:
     figure, axes = subplots(
         len(case.runs),
         2,
-        figsize=(WIDE, 0.6 + 0.62 * len(case.runs)),
+        figsize=(WIDE, min(0.6 + 0.62 * len(case.runs), MOST_HIGH)),
         sharex=True,
         sharey="col",
         squeeze=False,
@@ -144,6 +148,11 @@ def case_figure(case: Case, out: Path) -> Path:
         right.plot(_seconds(run.log), angle, color=colour, lw=0.7)
         axes[0, 1].set_title(f"{servo_word(run.log)} [deg]", fontsize=9)
     axes[0, 0].set_title("ball x [cm]", fontsize=9)
+    for ax in axes.flat:
+        ax.yaxis.set_major_locator(MaxNLocator(2, steps=[1, 2, 5, 10]))
+        ax.tick_params("y", labelsize=9)
+    for ax in axes[:-1].flat:
+        ax.tick_params("x", length=0)
     for ax in axes[-1]:
         ax.set_xlabel("t [s]")
     return save(figure, out, "compare_case", "simulated")

@@ -5,6 +5,7 @@ import numpy as np
 
 from experiments.compare import figures, report
 from experiments.compare.case import Case, Traced
+from experiments.compare.grid import read_grid, retuned_names
 from experiments.compare.statistics import EVEN, HARMS, HELPS, OPEN
 from experiments.compare.words import _winners, paper_words, too_few_words, words
 from rig.log import Log
@@ -125,11 +126,14 @@ def test_letters_are_printed_as_large_as_they_are(tmp_path):
     names = ("ball_x_m", "ball_y_m", "desired_theta_x_rad", "theta_x_rad", "theta_y_rad")
     log = Log.from_columns({"t_s": t_s} | dict.fromkeys(names, wave))
     run = Traced(log, wave, wave, np.zeros((len(t_s), 2)))
-    case = Case("a cell", 0.03, 0.0, dict.fromkeys(("without", "with", "neural", "adaptive"), run))
+    most = ("without", "lqg", "neural", "with", "adaptive", "adaptive-asymmetric")  # as of `_shown`
+    case = Case("a cell", 0.03, 0.0, dict.fromkeys(most, run))
     judged = {"verdict": OPEN, "effect": 0.5, "low": 0.1, "high": 0.9, "relevant": 0.1}
-    arms = {"without": {}} | {f"arm {i}": {"against_without": judged} for i in range(6)}
+    grid = read_grid(None)
+    tested = [*grid.arms[1:], *retuned_names(grid)]
+    arms = {"without": {}} | {name: {"against_without": judged} for name in tested}
     place = {"friction": "own", "fault": "", "protocol": "hold", "arms": arms}
-    cells = [{**place, "play": f"gear 1, joint {i}"} for i in range(4)]
+    cells = [{**place, "play": play} for play in grid.plays]
     results = {"cells": cells, "grid": {"frictions": {"own": {}}}}
     files = [draw(case, tmp_path) for draw in (figures.case_figure, figures.crossing_figure)]
     for file in (*files, figures.effect_figure(results, tmp_path)):
