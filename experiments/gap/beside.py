@@ -5,6 +5,7 @@ Only for a person who compares: the analysis has its answer before any of this i
 
 from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
+from math import tau
 from pathlib import Path
 
 from calibration.bundle import load_draft
@@ -29,6 +30,7 @@ NEAR_SHARE, NEAR = 0.1, "agrees within 10 %"
 TRUE, DIFFERS = "agrees with the truth", "differs"
 NOT_NAMED, NOT_THERE = "not named", "named, and is not there"
 TOO_SMALL = "within the tolerance of a well-kept rig"
+DEAD, HALF, SIDES = "dead_zone", "half_width_V", ("positive_V", "negative_V")
 
 
 def found_values(found: Findings) -> dict[Place, Interval]:
@@ -103,6 +105,11 @@ def beside_rows(
     """Rows under HEAD, one a parameter that is found, calibrated or true; the last cell is the
     verdict on what was found. known: the effects by name, of which the units are taken.
     """
+    apart = {a for name, a, key in (*found, *(truth or {})) if name == DEAD and key in SIDES}
+    found = _by_side(found, apart)
+    if truth is not None:
+        exact = {place: Interval(true, true, true) for place, true in truth.items()}
+        truth = {place: one.value for place, one in _by_side(exact, apart).items() if one.value}
     rows = []
     places: list[Place] = [*found, *calibrated, *(truth or {})]
     for place in dict.fromkeys(places):
@@ -128,6 +135,21 @@ def beside_rows(
             verdict = TOO_SMALL
         rows.append([label, "both" if axis == "xy" else axis, *cells, true, verdict])
     return rows
+
+
+def _by_side(values: Mapping[Place, Interval], axes: Collection[str]) -> dict[Place, Interval]:
+    """The values, with the two sides in place of a dead zone of these axes: a half width is added
+    to both, as in the plant."""
+    found, none = dict(values), Interval(0.0, 0.0, 0.0)
+    for axis in axes:
+        half = found.pop((DEAD, axis, HALF), None)
+        for place in ((DEAD, axis, key) for key in SIDES):
+            if half is not None:
+                one = found.get(place, none)
+                found[place] = Interval(
+                    half.value + one.value, half.low + one.low, half.high + one.high
+                )
+    return found
 
 
 def calibrated_beside(file: Path, table: Path) -> tuple[str, list[list[str]]]:
@@ -187,21 +209,23 @@ def _verdict(
     truth: Mapping[Place, float] | None,
     known: Mapping[str, Effect],
 ) -> str:
-    """An effect is there where its size, its first parameter, is; of one that is not, what shapes
-    it says nothing, and a shape that the truth does not tell is at its null. A shape that differs
-    denies no name."""
+    """An effect is there where its size is, its first parameter (a dead zone's two sides are sizes,
+    too); of one that is not, what shapes it says nothing, and a shape that the truth does not tell
+    is at its null. A shape that differs denies no name; a phase is one of a turn."""
     if place not in found:
         return NOT_NAMED
     one = found[place]
     if truth is not None:
         name, axis, key = place
         nulls = {parameter.key: parameter.null for parameter in known[name].parameters}
-        size = next(iter(nulls))
-        if (name, axis, size) not in truth:
-            return NOT_THERE if key == size else ""
+        sizes = SIDES if name == DEAD and key in SIDES else (next(iter(nulls)),)
+        if all((name, axis, size) not in truth for size in sizes):
+            return NOT_THERE if key in sizes else ""
         true = truth.get(place, nulls.get(key, 0.0))
+        if key == "phase_rad":
+            true += tau * round((one.value - true) / tau)
         verdict = agreement(one, Interval(true, true, true))
-        return DIFFERS if verdict == CONTRADICTS and key != size else verdict
+        return DIFFERS if verdict == CONTRADICTS and key not in sizes else verdict
     return agreement(one, calibrated[place]) if place in calibrated else ""
 
 

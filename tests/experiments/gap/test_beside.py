@@ -75,6 +75,35 @@ def test_a_shape_that_the_truth_does_not_tell_is_at_its_null_and_means_nothing_w
     assert [row[-1] for row in beside_rows(found, {}, {GEAR: 0.02})] == [NOT_THERE, "", NOT_NAMED]
 
 
+def test_a_dead_zone_is_compared_side_by_side_however_it_is_written():
+    half, plus, minus = (
+        ("dead_zone", "x", f"{k}_V") for k in ("half_width", "positive", "negative")
+    )
+
+    def verdicts(found, truth):
+        rows = beside_rows(
+            {p: Interval(v, v - 0.01, v + 0.01) for p, v in found.items()}, {}, truth
+        )
+        return {row[0].split(", ")[-1].split()[0]: row[-1] for row in rows}
+
+    assert verdicts({plus: 0.1, minus: 0.3}, {plus: 0.1, minus: 0.3}) == dict.fromkeys(
+        ("positive", "negative"), AGREES
+    )
+    assert set(verdicts({plus: 0.1, minus: 0.3}, {half: 0.1, minus: 0.2}).values()) == {AGREES}
+    assert set(verdicts({half: 0.2}, {plus: 0.2, minus: 0.2}).values()) == {AGREES}
+    assert verdicts({half: 0.2}, {half: 0.2}) == {"half": AGREES}
+    assert list(verdicts({plus: 0.1, minus: 0.4}, {half: 0.2}).values()) == [CONTRADICTS] * 2
+    assert list(verdicts({plus: 0.1, minus: 0.4}, {minus: 0.4}).values()) == [CONTRADICTS, AGREES]
+    assert set(verdicts({plus: 0.1, minus: 0.4}, {DRY: 0.2}).values()) == {NOT_THERE, NOT_NAMED}
+
+
+def test_a_phase_is_the_same_a_turn_later():
+    phase = ("cogging", "y", "phase_rad")
+    found = {COG: Interval(0.1, 0.09, 0.11), phase: Interval(-3.13, -3.2, -3.06)}
+    rows = beside_rows(found, {}, {COG: 0.1, phase: 3.12})
+    assert [row[-1] for row in rows] == [AGREES, AGREES]
+
+
 def test_a_calibration_of_another_virtual_table_is_no_measure_of_this_one(tmp_path: Path):
     file, play = tmp_path / "calibration.json", BacklashAxis(width_rad=Value.around(0.02, 0.001))
     made = datetime.now(UTC)
