@@ -196,20 +196,30 @@
     }
   }, LAID_OUT_MS);
   // Who listens to the page hears of a field the words beside it: viser ties only some to theirs.
-  // Of a button that is an icon alone they hear what viser tells a mouse that rests on it.
-  const ICONS = { "list-search": "Commands (Ctrl+K)", adjustments: "Configuration & diagnostics" };
+  // Of a button that is an icon alone they hear what viser tells a mouse that rests on it. Names of
+  // viser's own stay; ours go along with words and icons that change.
+  const ICONS = { "list-search": "Commands (Ctrl+K)", adjustments: "Configuration & diagnostics",
+    "arrow-back": "Return to GUI" };
+  const named = new WeakMap();
+  const call = (one, name) => {
+    const now = one.getAttribute("aria-label") ?? "";
+    if (now === name || now !== (named.get(one) ?? "")) return;
+    named.set(one, name);
+    if (name) one.setAttribute("aria-label", name);
+    else one.removeAttribute("aria-label");
+  };
   setInterval(() => {
     for (const label of document.querySelectorAll("label[for]"))
       for (const field of label.control ? []
-        : label.closest(".mantine-Flex-root")?.querySelectorAll("input, [role=slider]") ?? [])
-        if (!field.getAttribute("aria-label")) {
-          field.setAttribute("aria-label", label.textContent);
-          if (/\]$/.test(label.textContent)) field.inputMode = "decimal";  // it has a unit
-        }
-    for (const one of document.querySelectorAll("button:not([aria-label], [aria-hidden])")) {
-      if (one.textContent.trim()) continue;
-      const icon = /tabler-icon-([\w-]+)/.exec(one.innerHTML)?.[1] ?? "close";
-      one.setAttribute("aria-label", ICONS[icon] ?? icon.replaceAll("-", " "));
+        : label.closest(".mantine-Flex-root")?.querySelectorAll("input, [role=slider]") ?? []) {
+        call(field, label.textContent);
+        // It has a unit: a number, none below 0, as iOS then has no minus.
+        if (/\]$/.test(label.textContent)) field.inputMode = "decimal";
+      }
+    for (const one of document.querySelectorAll("button:not([aria-hidden])")) {
+      const icon = /tabler-icon-([\w-]+)/.exec(one.innerHTML)?.[1]
+        ?? (one.matches(".mantine-CloseButton-root") ? "close" : "");
+      call(one, one.textContent.trim() ? "" : ICONS[icon] ?? icon.replaceAll("-", " "));
     }
   }, LAID_OUT_MS);
   // A button whose words end in "tab Replay" opens it.

@@ -50,4 +50,23 @@ def test_every_field_and_slider_has_the_name_that_stands_beside_it_and_icons_the
     page.get_by_role("button", name="Configuration & diagnostics").wait_for()
     page.wait_for_timeout(3000)
     assert page.evaluate(NAMELESS) == []
+    page.get_by_role("button", name="Configuration & diagnostics").click()  # its icon changes
+    page.get_by_role("button", name="Return to GUI").wait_for()
+    page.context.close()
+
+
+@pytest.mark.slow
+def test_names_go_along_with_words_that_change_and_are_no_close_of_another_button(
+    chromium, program
+):
+    pressed = program.server.gui.add_button("", order=-1)
+    slider = program.server.gui.add_slider("Time [s]", 0.0, 130.0, 0.02, 112.34, order=-1)
+    page = opened(chromium, program, viewport={"width": 390, "height": 844})
+    number = page.get_by_role("textbox", name="Time [s]", exact=True)
+    number.wait_for(timeout=120e3)
+    assert number.evaluate("one => one.scrollWidth <= one.clientWidth")  # all of it is seen
+    page.wait_for_timeout(1500)
+    slider.label, pressed.label = "Later [s]", "Next"
+    page.get_by_role("textbox", name="Later [s]", exact=True).wait_for()
+    page.get_by_role("button", name="Next", exact=True).wait_for(timeout=10e3)
     page.context.close()
