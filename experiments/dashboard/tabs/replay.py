@@ -256,10 +256,8 @@ class ReplayTab:
         """Write each film's time on its page, and move the slider with a film that runs."""
         for page, viewer in list(self._viewers.items()):
             tell, playback = partial(self._pages.tell, page), viewer.playback
-            words, label, lines, at_s = "", PLAY, "", 0.0
-            if playback is None:
-                words = " ".join([LIVE, *self._why_not(page)])
-            else:
+            words, label, lines, at_s = LIVE, PLAY, "", 0.0
+            if playback is not None:
                 t_s, end_s = playback.clock.t_s, playback.clock.end_s
                 words = f"**Replay** of {plain(playback.name)}"
                 words += f": {t_s:.2f} of {end_s:.2f} s"
@@ -267,6 +265,7 @@ class ReplayTab:
                 label = PAUSE if playback.clock.playing else PLAY
                 lines = event_lines(playback.film.events, t_s) if playback.film else ""
                 at_s = min(round(t_s, 1), round(end_s, 1))
+            words = " ".join([words, *self._why_not(page)])
             tell(self._scrub, value=at_s)
             tell(self._play, label=label)
             tell(self._words, _markdown=words)  # viser's name of a paragraph's content

@@ -75,7 +75,7 @@ def test_what_needs_a_film_is_greyed_until_the_page_has_one(replay):
 
 
 def test_why_no_replay_can_be_shown_is_said_without_a_mouse(replay):
-    tab, *_ = replay
+    tab, controls, worker, _ = replay
     told: dict = {}
     tab._pages.tell = lambda page, handle, **what: told.update({id(handle): what})
     tab._pick(1, tab._picked.value)
@@ -86,7 +86,15 @@ def test_why_no_replay_can_be_shown_is_said_without_a_mouse(replay):
 
     assert words() == LIVE
     tab._set_both(1, True)
-    assert "greyed: no run of the other controller with this protocol and seed." in words()
+    said = "**Show** is greyed: no run of the other controller with this protocol and seed."
+    assert words() == f"{LIVE} {said}"
+    tab._set_both(1, False)
+    tab.show(1)
+    worker.items[0].on_message("shown", film("run-1"))
+    controls.queue.close()
+    tab._set_both(1, True)
+    assert "**Replay** of" in words()  # of another choice than the one that is shown
+    assert said in words()
 
 
 def recorded(seconds=30.0, arm="with", begin_s=0.0):
