@@ -7,7 +7,7 @@ Ball, for an acceleration a = g theta:
 Both hold without differentiating a measured signal, so that noise stays small for a long h.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import spearmanr
@@ -61,8 +61,10 @@ def ball_response(log: Log, cause: str, result: str, delay_s: float) -> Response
     """Response of the ball's acceleration along `result` to the servo angle of axis `cause`.
 
     gain: g [m/s2/rad] in x(t+h) - 2 x(t) + x(t-h) = g int_-h^h (h - |s|) theta(t+s) ds. delay_s:
-    the camera's delay, for rows without ball_exposed_s. None: one of the two signals is missing or
-    constant, or there are fewer than three windows.
+    the camera's delay, for rows without ball_exposed_s. The rank is 0 where it has the other sign
+    once the ball's place is held fixed: in a bowl that draws the ball back by b x, a circle of a
+    rate w < sqrt(b) takes tilts g theta = (b - w^2) x against the acceleration -w^2 x. None: one of
+    the two signals is missing or constant, or there are fewer than three windows.
     """
     theta = log[f"theta_{cause}_rad"]
     seen_s, xy = log.ball(delay_s)
@@ -79,9 +81,18 @@ def ball_response(log: Log, cause: str, result: str, delay_s: float) -> Response
     once = _integral(t, theta)
     twice = _integral(t, once)
     tilt = np.diff(np.interp(at, t, twice), 2) / WINDOW_S**2
-    bend = np.diff(np.interp(at, seen_s, x), 2) / WINDOW_S**2
+    place = np.interp(at, seen_s, x)
+    bend = np.diff(place, 2) / WINDOW_S**2
     near = _near(at, seen_s) & _near(at, t)
-    return _response(tilt, bend, near[2:] & near[1:-1] & near[:-2])
+    good = near[2:] & near[1:-1] & near[:-2]
+    whole = _response(tilt, bend, good)
+    if whole is None:
+        return None
+    beside = np.column_stack([place[1:-1], np.ones(len(tilt))])[good]
+    left = [y[good] - beside @ np.linalg.lstsq(beside, y[good])[0] for y in (tilt, bend)]
+    held = _response(left[0], left[1], np.ones(len(beside), np.bool_))
+    opposite = held is not None and whole.rank * held.rank < 0.0
+    return replace(whole, rank=0.0) if opposite else whole
 
 
 def _integral(t: np.ndarray, values: np.ndarray) -> np.ndarray:

@@ -57,6 +57,25 @@ def test_the_answers_have_the_believed_gains():
     assert ball.gain == pytest.approx(RIG.ball_gain_m_s2, rel=0.1)
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_ball_on_circles_in_a_bowl_answers_the_right_way_round(sign: float):
+    """Slow circles need less than the bowl's pull: the plate tilts against the acceleration."""
+    t_s, gain, bowl = np.arange(0.0, 30.0, 0.01), RIG.ball_gain_m_s2, 2.5
+    columns = {"t_s": t_s}
+    for axis, period_s in (("x", 5.3), ("y", 4.7)):
+        size_m, rate = np.array([[0.06], [0.0005]]), 2 * np.pi / np.array([[period_s], [1.1]])
+        swings = size_m * np.sin(rate * t_s)
+        columns[f"ball_{axis}_m"] = swings.sum(axis=0)
+        columns[f"theta_{axis}_rad"] = sign * ((bowl - rate**2) * swings).sum(axis=0) / gain
+    if sign > 0:
+        check(log_of(columns), RIG)
+    else:
+        assert all(
+            (ball := ball_response(log_of(columns), axis, axis, 0.0)) is not None and ball.rank <= 0
+            for axis in "xy"
+        )
+
+
 @pytest.mark.parametrize("protocol", ["steps", "free-release", "servo-squares"])
 def test_a_table_with_faults_is_not_refused(protocol):
     """Play, friction, a turned and late camera, a weak drive: all that is for the workflow."""
