@@ -1,7 +1,7 @@
 """Which angle tilts which axis, with which sign, and where it is level: by how the ball answers."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -45,13 +45,24 @@ def answers(
     causes = [motion(draft, column)[good] for column in columns.values()]
     found: dict[str, dict[str, Response]] = {}
     for axis, values in ball.items():
-        each = responses(draft.seconds[good], values[good], causes, order=2)
+        known = draft.seconds[good], values[good]
+        each = responses(*known, causes, order=2)
+        *held, place = responses(*known, [*causes, values[good]], order=2)
         found[axis] = {
-            column: one
-            for column, one in zip(columns.values(), each, strict=True)
+            column: _either(one, beside, place)
+            for column, one, beside in zip(columns.values(), each, held, strict=True)
             if one is not None
         }
     return found
+
+
+def _either(one: Response, held: Response | None, place: Response | None) -> Response:
+    """A response, of either sign where the ball's place explains more than the angle beside it and
+    held fixed turns its sign: a bowl draws the ball back by more than slow circles need, and the
+    plate tilts against them."""
+    if held is None or place is None or held.gain * one.gain > 0.0 or place.share <= held.share:
+        return one
+    return replace(one, low=min(one.low, -one.high), high=max(one.high, -one.low))
 
 
 def followed(
