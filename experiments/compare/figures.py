@@ -23,7 +23,7 @@ COLOURS = {"without": "#1f4fd8", "with": "#d62728", "adaptive": "#9467bd", "neur
 # as large as they are.
 WIDE, MOST_HIGH = 7.1, 3.3
 PANELS = 8  # in a line; chosen: the shipped grid's plays
-BAR_CELLS = 8  # chosen: from here on the bar's label fits beside the map
+BAR_CELLS = 10  # chosen: from here on the bar's label fits beside the map
 
 
 def _is_dark(colour: np.ndarray) -> bool:
@@ -47,7 +47,9 @@ def map_figure(results: Mapping, out: Path) -> Path:
     )
     names = [c["key"].replace(" | ", " · ") for c in cells]
     wide = 1.4 + 0.077 * max(map(len, names)) + 0.95 * len(conditions)
-    figure, ax = subplots(figsize=(wide, 1.4 + 0.24 * len(cells)))
+    few = len(cells) < BAR_CELLS  # a low map: the label has no room beside the bar
+    high = 0.5 + 0.045 * max(map(len, conditions)) + 0.24 * len(cells) + few
+    figure, ax = subplots(figsize=(wide, high))
     image = ax.imshow(gain, cmap=HELPS_HURTS, vmin=-1.0, vmax=1.0, aspect="auto")
     for i, cell in enumerate(cells):
         for j, condition in enumerate(conditions):
@@ -73,7 +75,6 @@ def map_figure(results: Mapping, out: Path) -> Path:
     ax.xaxis.tick_top()
     ax.set_yticks(range(len(cells)), names, fontsize=9)
     ax.grid(False)
-    few = len(cells) < BAR_CELLS  # a low map: the label has no room beside the bar
     bar = figure.colorbar(image, shrink=1.0 if few else 0.5, location="bottom" if few else "right")
     bar.set_ticks([-1.0, -0.5, 0.0, 0.5, 1.0])
     bar.set_label("gain over no compensator [cm RMS]\ngreen-blue helps, brown harms", fontsize=9)

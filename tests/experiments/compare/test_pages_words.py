@@ -2,6 +2,8 @@
 
 import matplotlib.colors
 import numpy as np
+import pytest
+from matplotlib.text import Text
 
 from experiments.compare import figures, report
 from experiments.compare.case import Case, Traced
@@ -142,3 +144,19 @@ def test_letters_are_printed_as_large_as_they_are(tmp_path):
         high_in, wide_in = (pixels / 150 for pixels in picture.shape[:2])
         assert wide_in <= 186 / 25.4
         assert high_in <= 85 / 25.4
+
+
+@pytest.mark.parametrize("cells", [1, 8, 10])
+def test_the_words_of_a_map_are_inside_however_few_its_cells(tmp_path, monkeypatch, cells):
+    grid, drawn = read_grid(None), []
+    monkeypatch.setattr(figures, "save", lambda figure, *_: drawn.append(figure))
+    verdicts = dict.fromkeys([*grid.arms[1:], *retuned_names(grid)], OPEN)
+    places = [cell(f"gear {i}", verdicts) | {"key": f"gear {i} | own | hold"} for i in range(cells)]
+    figures.map_figure({"cells": places}, tmp_path)
+    (figure,) = drawn
+    figure.canvas.draw()
+    high, wide = figure.bbox.height, figure.bbox.width
+    for text in figure.findobj(Text):
+        box = text.get_window_extent()
+        assert not text.get_text() or (box.x0 >= 0 and box.x1 <= wide), text
+        assert not text.get_text() or (box.y0 >= 0 and box.y1 <= high), text
