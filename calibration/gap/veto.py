@@ -91,9 +91,9 @@ from calibration.statistics import student_quantile
 from rig.effects import Effect
 
 RIGID_SHAFTS = (
-    "not named: coulomb_friction: it is as large as the friction of arm and joints in [drive] of "
-    "the rig file, whose shafts are less stiff than the logs show; the rig file that is written "
-    "has all of it on the arms"
+    "a Coulomb friction as large as that of arm and joints in [drive] of the rig file is taken for "
+    "that one: the file's shafts are less stiff than the logs show, and the rig file that is "
+    "written has all of it on the arms"
 )
 
 
