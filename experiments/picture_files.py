@@ -25,6 +25,10 @@ STYLE: dict[Any, Any] = {
     "text.parse_math": False,  # names of runs and files are shown as they are
 }
 
+# Inches: as wide as a printed sheet, and no higher than style.css allows a figure there, so that
+# letters are printed as large as they are.
+SHEET_WIDE_IN, SHEET_HIGH_IN = 7.1, 3.3
+
 
 @contextmanager
 def our_style() -> Iterator[None]:

@@ -78,8 +78,7 @@ def inconstancy(state: State, one: Accepted, output: str) -> str:
     constant on every axis on which it is told: of a size that a healthy table may have, any change
     is a large share."""
     slopes = _slopes(state, output)
-    told = [a for a in one.axes if state.nominal.exceeds_minimum(one.name, a, state.fit.setting)]
-    for axis in told or one.axes:
+    for axis in one.told_axes(state):
         parameters = state.nominal.of(one.name, axis)[: 2 if one.name in PERIODIC else 1]
         own = [k.name for k in parameters if k.name in state.bounds((output,))]
         size = np.array([state.fit.setting.get(n, 0.0) for n in own])

@@ -9,7 +9,7 @@ from matplotlib.ticker import MaxNLocator
 from experiments.compare.case import Case
 from experiments.compare.statistics import HARMS, HELPS
 from experiments.compare.words import conditions as conditions_of
-from experiments.picture_files import our_style, subplots
+from experiments.picture_files import SHEET_HIGH_IN, SHEET_WIDE_IN, our_style, subplots
 from experiments.reports.figures import HELPS_HURTS, ball_cm, save, servo_word
 from rig.log import Log, shown_angles
 
@@ -19,9 +19,6 @@ COLOURS = {"without": "#1f4fd8", "with": "#d62728", "adaptive": "#9467bd", "neur
            "lqg": "#bcbd22", "mpc": "#393b79"}  # fmt: skip
 
 
-# Inches: as wide as a sheet and no higher than style.css allows there, so that letters are printed
-# as large as they are.
-WIDE, MOST_HIGH = 7.1, 3.3
 PANELS = 8  # in a line; chosen: the shipped grid's plays
 BAR_CELLS = 10  # chosen: from here on the bar's label fits beside the map
 
@@ -97,7 +94,7 @@ def effect_figure(results: Mapping, out: Path) -> Path:
     figure, axes = subplots(
         lines,
         columns,
-        figsize=(WIDE, 1.0 + 0.15 * len(conditions) * lines),
+        figsize=(SHEET_WIDE_IN, 1.0 + 0.15 * len(conditions) * lines),
         sharex=True,
         sharey=True,
         squeeze=False,
@@ -134,7 +131,7 @@ def case_figure(case: Case, out: Path) -> Path:
     figure, axes = subplots(
         len(case.runs),
         2,
-        figsize=(WIDE, min(0.6 + 0.62 * len(case.runs), MOST_HIGH)),
+        figsize=(SHEET_WIDE_IN, min(0.6 + 0.62 * len(case.runs), SHEET_HIGH_IN)),
         sharex=True,
         sharey="col",
         squeeze=False,
@@ -166,7 +163,7 @@ def crossing_figure(case: Case, out: Path) -> Path:
     """
     conditions = [condition for condition in case.runs if condition != "adaptive-asymmetric"][:4]
     figure, axes = subplots(
-        1, len(conditions), figsize=(WIDE, 2.9), sharex=True, sharey=True, squeeze=False
+        1, len(conditions), figsize=(SHEET_WIDE_IN, 2.9), sharex=True, sharey=True, squeeze=False
     )
     for ax, condition in zip(axes[0], conditions, strict=True):
         run = case.runs[condition]

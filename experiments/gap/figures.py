@@ -16,7 +16,13 @@ from matplotlib.ticker import FuncFormatter, NullLocator
 from calibration.gap.findings import PlateMap, Profile, ProofRow, RankedEffect, Step
 from calibration.gap.report.units import effect_words, shown_unit, sig
 from experiments.gap.words import channel_words, percent
-from experiments.picture_files import our_style, subplots, write_figure
+from experiments.picture_files import (
+    SHEET_HIGH_IN,
+    SHEET_WIDE_IN,
+    our_style,
+    subplots,
+    write_figure,
+)
 from experiments.reports.figures import CENTRE, WITH
 from rig.parameters import CHANNELS
 
@@ -31,9 +37,7 @@ SHOWN_NAMES = 10
 # Chosen: with more bars than that their values stand upright; letters in a line of a label.
 MOST_LEVEL, LABEL_LETTERS, NARROW_LETTERS = 16, 36, 10
 LINE_LETTERS, MOST_NUMBERS = 76, 25  # across a figure; chosen: they do not touch
-# Inches, points: as wide as a sheet and no higher than style.css allows there, so that letters are
-# printed as large as they are.
-WIDE, MOST_HIGH, SMALL = 7.1, 3.3, 9
+SMALL = 9  # points
 
 
 def save(figure: Figure, folder: Path, name: str) -> Path:
@@ -104,7 +108,7 @@ def over_time(profiles: Sequence[Profile], names: Sequence[str] = ()) -> Figure:
 
     profiles: those whose quantity is the time; names: of the runs.
     """
-    figure, axis = subplots(figsize=(WIDE, 2.9))
+    figure, axis = subplots(figsize=(SHEET_WIDE_IN, 2.9))
     for profile in profiles:
         _curve(axis, profile, 1.0)
     _floor_line(axis)
@@ -127,7 +131,9 @@ def over_state(profiles: Sequence[Profile]) -> Figure:
         panels.setdefault((profile.quantity, profile.unit), []).append(profile)
     columns = 2 if len(panels) == 4 else min(3, len(panels))
     rows = ceil(len(panels) / columns)
-    figure, axes = subplots(rows, columns, figsize=(WIDE, MOST_HIGH / 2 * rows), squeeze=False)
+    figure, axes = subplots(
+        rows, columns, figsize=(SHEET_WIDE_IN, SHEET_HIGH_IN / 2 * rows), squeeze=False
+    )
     for axis in axes.flat[len(panels) :]:
         axis.set_axis_off()
     largest = _largest(profiles)
@@ -166,7 +172,7 @@ def plate_map(found: PlateMap) -> Figure:
 
     Cells without samples are grey.
     """
-    figure, axes = subplots(1, 2, figsize=(WIDE, MOST_HIGH), sharey=True)
+    figure, axes = subplots(1, 2, figsize=(SHEET_WIDE_IN, SHEET_HIGH_IN), sharey=True)
     mean = np.where(np.asarray(found.count)[..., None] > 0, found.mean, np.nan)
     finite = mean[np.isfinite(mean)]
     top = max(1.0, float(np.abs(finite).max())) if len(finite) else 1.0
@@ -197,7 +203,7 @@ def ranking(candidates: Sequence[RankedEffect], accepted: Sequence[str]) -> Figu
     """
     shown = sorted(candidates, key=lambda c: (-c.probability, not c.refused, -c.score))
     shown = shown[:SHOWN_NAMES]
-    figure, axis = subplots(figsize=(WIDE, 0.36 * len(shown) + 1.0))
+    figure, axis = subplots(figsize=(SHEET_WIDE_IN, 0.36 * len(shown) + 1.0))
     for row, c in enumerate(shown):
         colour = WITH if c.name in accepted else "0.6"
         axis.barh(row, 100 * c.probability, color=colour, height=0.7)
@@ -222,7 +228,7 @@ def _wrapped(label: str, width: int = 38) -> str:
 @our_style()
 def shrinking(steps: Sequence[Step]) -> Figure:
     """Gap of every channel [noise floors] after each added effect, as groups of bars."""
-    figure, axis = subplots(figsize=(WIDE, MOST_HIGH))
+    figure, axis = subplots(figsize=(SHEET_WIDE_IN, SHEET_HIGH_IN))
     channels = [c for c in CHANNELS if any(c in step.gap for step in steps)]
     at = np.arange(len(steps))
     width = 0.8 / max(len(channels), 1)
@@ -285,7 +291,7 @@ def ahead(rows: Sequence[ProofRow], floor_mm: float | None) -> Figure:
     labels = [fill(effect_words(row.model), LABEL_LETTERS) for row in shown]
     lines = max((label.count("\n") + 1 for label in labels), default=1)
     each = max(0.42, 0.19 * lines)  # inches
-    figure, axis = subplots(figsize=(WIDE, each * len(shown) + 1.1))
+    figure, axis = subplots(figsize=(SHEET_WIDE_IN, each * len(shown) + 1.1))
     values = [float(row.ahead_1s_mm or 0.0) for row in shown]
     colours = [WITH if row.model.startswith("named") else "0.6" for row in shown]
     axis.barh(range(len(shown)), values, color=colours, height=0.65)

@@ -147,7 +147,7 @@ def _keys(effect: Effect) -> list[str]:
     return [p.key for p in effect.parameters] + INNER_SHAPE.get(effect.name, [])
 
 
-def _held_nm(drive: Drive) -> float:
+def held_nm(drive: Drive) -> float:
     """Dry friction of arm and joint [N m]."""
     return drive.joint_friction_nm + drive.arm_friction_nm
 
@@ -190,8 +190,8 @@ class NominalModel:
         self._tolerances = {e.name: e.tolerance for e in known} | dict(tolerances or {})
         # The motor's own friction is known no better than that of its load. Where the logs refute
         # that one, what a rig file tells of it may be the motor's; what nobody told may not.
-        held_V = _held_nm(rig.drive) / rig.servo.torque_per_volt_nm
-        told_V = 0.0 if _held_nm(rig.drive) == _held_nm(Drive()) else held_V
+        held_V = held_nm(rig.drive) / rig.servo.torque_per_volt_nm
+        told_V = 0.0 if held_nm(rig.drive) == held_nm(Drive()) else held_V
         self.assumed_friction_V = held_V if load_friction else 0.0
         self.friction_slack_V = ASSUMED_FRICTION_ERROR * self.assumed_friction_V
         if "coulomb_friction" not in (tolerances or {}):

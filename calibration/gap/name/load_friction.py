@@ -23,7 +23,7 @@ from calibration.gap.decision_rule import (
 )
 from calibration.gap.model.data import Evidence
 from calibration.gap.model.fit import evaluate
-from calibration.gap.model.parameters import BALL, COAST_KEY, SERVO, NominalModel
+from calibration.gap.model.parameters import BALL, COAST_KEY, SERVO, NominalModel, held_nm
 from calibration.gap.model.state import State, baseline, refit
 from calibration.gap.name.candidates import fastest
 from calibration.gap.name.screen import Screened
@@ -128,8 +128,7 @@ def model_of_rigid_shafts(before: State, after: State) -> NominalModel | None:
     if not {(FRICTION, axis) for axis in axes} <= set(after.named):
         return None
     drive = nominal.rig.drive
-    all_nm = drive.arm_friction_nm + drive.joint_friction_nm
-    rigid = replace(drive, arm_friction_nm=all_nm, joint_friction_nm=0.0)
+    rigid = replace(drive, arm_friction_nm=held_nm(drive), joint_friction_nm=0.0)
     rig = replace(nominal.rig, drive=rigid)
     other = NominalModel(rig, load_friction=True, tolerances=nominal.given_tolerances)
     names = [f"{FRICTION}.friction_V.{axis}" for axis in axes]

@@ -94,6 +94,12 @@ class Accepted:
         nothing = exp(-max(self.score, 0.0) / PROBABILITY_TEMPERATURE)
         return min(self.explained, 1.0 / (1.0 + sum(odds) + nothing))
 
+    def told_axes(self, state: State) -> tuple[str, ...]:
+        """The axes on which its size exceeds the decision rule's minimum; all if none does."""
+        setting = state.fit.setting
+        told = (a for a in self.axes if state.nominal.exceeds_minimum(self.name, a, setting))
+        return tuple(told) or self.axes
+
     @property
     def margin(self) -> float:
         """The margin to the best rival; infinite without one."""

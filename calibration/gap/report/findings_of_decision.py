@@ -131,12 +131,11 @@ def effects_of(state: State, name: str) -> dict[str, dict[str, dict[str, float]]
 
 
 def named(decision: Decision, accepted: Accepted, spread: Mapping[str, Spread]) -> Named:
-    """An accepted effect as the findings have it, on the axes where it exceeds the decision rule's
-    minimum (all its axes if none does). `spread`: as in `parameters`."""
-    nominal, setting = decision.state.nominal, decision.state.fit.setting
-    axes = tuple(a for a in accepted.axes if nominal.exceeds_minimum(accepted.name, a, setting))
-    found = parameters(decision.state, accepted.name, axes or accepted.axes, spread)
-    twins = twins_of(accepted.name, decision.state.nominal.rig)
+    """An accepted effect as the findings have it, on the axes where it is told. `spread`: as in
+    `parameters`."""
+    state = decision.state
+    found = parameters(state, accepted.name, accepted.told_axes(state), spread)
+    twins = twins_of(accepted.name, state.nominal.rig)
     return Named(accepted.name, accepted.probability, twins, found)
 
 
