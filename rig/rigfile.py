@@ -8,7 +8,7 @@ recording says of them is text.
 import dataclasses
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path, PurePath
 from typing import Any
 
@@ -292,12 +292,13 @@ def _is_made(content: bytes) -> bool:
     return b"#" not in content and sections <= there
 
 
-def write_rig(rig: Rig, path: str | Path) -> None:
+def write_rig(rig: Rig, path: str | Path, remarks: Iterable[str] = ()) -> None:
     """Write the rig, with every key, to a TOML file that `read_rig` reads, as long as the effect
-    files of its own lie where they lay; `refuse_own` knows it again. OSError: it cannot be written;
-    an older one stays.
+    files of its own lie where they lay; `refuse_own` knows it again. remarks: comments, each a line
+    at its head. OSError: it cannot be written; an older one stays.
     """
     data = to_dict(rig)
     if data.pop(OWN_EFFECTS, []):
         data["effects"] = {"own": [one.file for one in rig.own]} | data["effects"]
-    write_whole(Path(path), (MADE + tomli_w.dumps(data)).encode())
+    head = MADE + "".join(f"# {remark}\n" for remark in remarks)
+    write_whole(Path(path), (head + tomli_w.dumps(data)).encode())

@@ -17,6 +17,7 @@ from experiments.gap.words import (
     added_toml,
     are_rivals,
     channel_words,
+    doubts,
     floors,
     nominal_of,
     percent,
@@ -57,7 +58,7 @@ def write_findings(
     """
     write_results(folder, found.to_json())
     if found.rig_after is not None and (found.effects or found.unknown):
-        write_rig(found.rig_after, folder / "rig.toml")
+        write_rig(found.rig_after, folder / "rig.toml", doubts(found))
     elif (folder / "rig.toml").exists():
         put_aside(folder / "rig.toml")
     return write_gap_report(found, folder, names=names, rig_file=rig_file, **of)
@@ -217,7 +218,7 @@ def add_stage(found: Findings, names: Sequence[str]) -> Section:
     toml = added_toml(found)
     if toml:
         blocks.append("What was added to the model, as it stands in the new rig.toml:")
-        blocks.append(Code(toml))
+        blocks.append(Code("\n".join([*(f"# {doubt}" for doubt in doubts(found)), toml])))
     if found.unknown is not None and found.unknown.formula:
         blocks.append(f"The unnamed term in formula: {found.unknown.formula}.")
     if found.noise:

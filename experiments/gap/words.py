@@ -181,6 +181,17 @@ def added_toml(found: Findings) -> str:
     return re.sub(r"\[\n([^\]]*?),?\n\]", lambda found: f"[{_one_line(found[1])}]", text)
 
 
+def doubts(found: Findings) -> list[str]:
+    """A sentence on each effect of the extended rig.toml that is not certain."""
+    extended = {} if found.rig_after is None else found.rig_after.effects
+    return [
+        f"Not certain ({percent(one.probability)}): {one.name}; the notes of gap.html say why."
+        for one in found.effects
+        if one.name in extended
+        and (found.verdict != "named" or one.probability <= DOUBTED_PROBABILITY)
+    ]
+
+
 def _one_line(numbers: str) -> str:
     return " ".join(numbers.split())
 

@@ -29,7 +29,7 @@ from calibration.gap.findings import (
 )
 from calibration.gap.report.units import interval_words, key_words, parameter_unit, sig
 from experiments.gap import figures
-from experiments.gap.report import NOISES, write_gap_report
+from experiments.gap.report import NOISES, write_findings, write_gap_report
 from experiments.gap.short_answer import details
 from experiments.gap.summary import summary_lines
 from experiments.gap.when import when_words
@@ -47,7 +47,7 @@ from experiments.reports.units import unbroken
 from rig.effects import CATALOGUE
 from rig.parameters import CHANNELS, Rig
 from rig.prediction.innovations import NOISE
-from rig.rigfile import from_dict
+from rig.rigfile import from_dict, read_rig, refuse_own
 from tests.support.gap.findings import (
     ALL,
     RANKING,
@@ -224,6 +224,18 @@ def test_the_toml_of_a_name_alone_needs_no_rigs():
     found = replace(named(), rig_before=None, rig_after=None)
     assert tomllib.loads(added_toml(found))["effects"]["joint_backlash"]["y"]["play_rad"] == 0.02
     assert added_toml(replace(found, verdict="undecided")) == ""
+
+
+def test_a_name_that_is_not_certain_is_marked_where_its_numbers_are_written(tmp_path):
+    sure, doubted = named(), replace(named().effects[0], name="joint_backlash", probability=0.5)
+    write_findings(sure, tmp_path, names=["a"])
+    assert "Not certain" not in (tmp_path / "rig.toml").read_text()
+    page = write_findings(replace(sure, effects=(doubted,)), tmp_path, names=["a"]).read_text()
+    mark = "# Not certain (50 %): joint_backlash; the notes of gap.html say why."
+    assert mark in (tmp_path / "rig.toml").read_text()
+    assert mark in html.unescape(page)
+    assert read_rig(tmp_path / "rig.toml") == sure.rig_after
+    refuse_own(tmp_path / "rig.toml")  # made by this program all the same
 
 
 def test_a_summary_is_short_and_says_the_same(pages):
