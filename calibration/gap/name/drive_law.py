@@ -18,17 +18,19 @@ times; so a grid comes before the fit, at K, tau and delay of the rig file and t
 model (`screen.at_start_noise`).
 """
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 from functools import reduce
 from itertools import product
+from math import ceil
 
 import numpy as np
 
 from calibration.gap.decision_rule import NAME_THRESHOLD, penalised_gain
 from calibration.gap.model.fit import evaluate
+from calibration.gap.model.noise import least_noise
 from calibration.gap.model.parameters import COAST_KEY, SERVO, SETTLING_KEY, NominalModel, released
-from calibration.gap.model.state import Key, State, cheaper, drop_effects, refit, settle
+from calibration.gap.model.state import Key, State, cheaper, drop_effects, price, refit, settle
 from calibration.gap.name.candidates import (
     SETTLING_S,
     SIZES,
@@ -94,11 +96,14 @@ def _begun(state: State, nominal: NominalModel, axes: Iterable[str]) -> State:
 
 
 def _with_law(state: State, axis: str) -> State:
-    """The state with the law on one axis, the best of the fits from each start of the grid; then
-    without what earns nothing."""
+    """The state with the law on one axis, the best of the fits from each start of the grid, of
+    which the cheaper half is followed each time that the noise is estimated beside them
+    (successive halving); then without what earns nothing."""
     law = LOADED_LAW if state.nominal.load_friction else LAW
     named = tuple((name, axis) for name in law if (name, axis) not in state.named)
     fits = [_fitted(state, start, named) for start in best_of_grid(state, axis)]
+    for _ in range(SETTLINGS):
+        fits = [settle(one, (f"servo_{axis}",)) for one in _cheaper_half(fits)]
     state = reduce(cheaper, fits)
     for key in named:
         bare = drop_effects(state, [key])
@@ -109,8 +114,14 @@ def _with_law(state: State, axis: str) -> State:
     return state
 
 
+def _cheaper_half(states: Sequence[State]) -> list[State]:
+    """Those that cost less at the smallest noise of all, more than half of an odd number."""
+    levels = reduce(least_noise, [one.evidence.levels for one in states])
+    return sorted(states, key=lambda one: price(one, levels))[: ceil(len(states) / 2)]
+
+
 def _fitted(state: State, start: Start, named: tuple[Key, ...]) -> State:
-    """The state with these names from a start, fitted, and the noise estimated beside them."""
+    """The state with these names from a start, fitted at the noise of `state`."""
     output, parameters = f"servo_{named[0][1]}", state.nominal.parameters
     outputs = {p for key in start for p in parameters[key].outputs} & set(state.evidence.outputs)
     found = evaluate(state.evidence, state.nominal, state.fit.setting | start, outputs)
@@ -121,10 +132,7 @@ def _fitted(state: State, start: Start, named: tuple[Key, ...]) -> State:
         costs=state.fit.costs | found.costs,
     )
     state = replace(state, fit=fit, named=(*state.named, *named))
-    state = refit(state, state.bounds((output,)))
-    for _ in range(SETTLINGS):
-        state = settle(state, (output,))
-    return state
+    return refit(state, state.bounds((output,)))
 
 
 def best_of_grid(state: State, axis: str) -> list[Start]:
