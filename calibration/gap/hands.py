@@ -14,7 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from calibration.gap.decision_rule import DOUBTED_PROBABILITY, SURE_Z
+from calibration.gap.decision_rule import SURE_Z
 from calibration.gap.held_out import gained, held_out
 from calibration.gap.model.parameters import BALL
 from calibration.gap.name.decide import Decision, verdict_of
@@ -86,12 +86,7 @@ def agreed(rest: Decision, whole: Decision) -> tuple[Decision, tuple[str, ...]]:
     model, and still holds what a hand did before and after.
     """
     known = {one.name for one in whole.naming.accepted}
-    accepted = tuple(
-        one
-        if one.name in known
-        else replace(one, explained=min(one.explained, DOUBTED_PROBABILITY))
-        for one in rest.accepted
-    )
+    accepted = tuple(one if one.name in known else one.doubted() for one in rest.accepted)
     reasons = tuple(
         f"not certain: {one.name}: only the part without the hand tells it"
         for one in accepted

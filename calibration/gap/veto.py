@@ -74,7 +74,12 @@ from calibration.gap.model.intervals import FIXED, Spread, deviations, interval
 from calibration.gap.model.parameters import PERIODIC
 from calibration.gap.model.state import State, drop_effects, plain
 from calibration.gap.name.decide import Decision, decide, significant, verdict_of
-from calibration.gap.name.load_friction import model_of_rigid_shafts
+from calibration.gap.name.load_friction import (
+    FILES_FRICTION,
+    FRICTION,
+    RIGID_SHAFTS,
+    model_of_rigid_shafts,
+)
 from calibration.gap.name.naming_steps import NamingStep, Tell, untold
 from calibration.gap.name.stepwise import Accepted, settled_baseline
 from calibration.gap.specification import (
@@ -90,22 +95,20 @@ from calibration.gap.unnamed.basis import unnamed_terms
 from calibration.statistics import student_quantile
 from rig.effects import Effect
 
-RIGID_SHAFTS = (
-    "a Coulomb friction as large as that of arm and joints in [drive] of the rig file is taken for "
-    "that one: the file's shafts are less stiff than the logs show, and the rig file that is "
-    "written has all of it on the arms"
-)
-
 
 def decide_by_proof(before: State, tell: Tell = untold) -> tuple[Decision, tuple[str, ...]]:
     """The decision on a settled baseline whose names the held-out data do not refute, and in words
     the reasons of those that they did. Where a Coulomb friction is named that is the rig file's, it
-    is decided anew with shafts that do not wind up."""
+    is decided anew with shafts that do not wind up; where it is named again, it is doubted."""
     decision, reasons = _proved(before, tell)
     known = model_of_rigid_shafts(decision.naming.before, decision.state)
     if known is not None:
-        decision, reasons = _proved(settled_baseline(before.evidence, known), tell)
-        reasons = (RIGID_SHAFTS, *reasons)
+        rigid, told = _proved(settled_baseline(before.evidence, known), tell)
+        if model_of_rigid_shafts(rigid.naming.before, rigid.state) is None:
+            decision, reasons = rigid, (RIGID_SHAFTS, *told)
+        else:
+            kept = [one.doubted() if one.name == FRICTION else one for one in decision.accepted]
+            decision, reasons = _with(decision, kept), (*reasons, FILES_FRICTION)
     if not decision.accepted and (change := changing(plain(decision.state))):
         decision = replace(decision, verdict="unknown-effect", change=change)
     return decision, reasons
@@ -144,7 +147,7 @@ def _beside_refuted(decision: Decision, first: Decision) -> tuple[Decision, tupl
         refuted = replace(first.state, evidence=first.state.evidence.with_levels(levels))
         mine, other = held_out(decision.state, outputs), held_out(refuted, outputs)
         if sum(p.cost for p in other.values()) < sum(p.cost for p in mine.values()):
-            one = replace(one, explained=min(one.explained, DOUBTED_PROBABILITY))
+            one = one.doubted()
             reasons.append(f"not certain: {one.name}: {_names(first.accepted)} predicts better")
         kept.append(one)
     return _with(decision, kept), tuple(reasons)
@@ -346,7 +349,7 @@ def _doubted(decision: Decision, tried: _Tried) -> tuple[list[Accepted], list[st
     for i, one in enumerate(kept):
         weak = unproven(one, tried.before, tried.after, known) or _faint(alone, one, tried.spread)
         if reason := weak or _leans(decision, alone, one, kept):
-            kept[i] = replace(one, explained=min(one.explained, DOUBTED_PROBABILITY))
+            kept[i] = one.doubted()
             doubts.append(f"not certain: {one.name}: {reason}")
     return kept, doubts
 

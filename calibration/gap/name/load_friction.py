@@ -9,7 +9,8 @@ least where the motors have the Coulomb friction that fits best, and what was se
 fitted to the others. Where one of them costs less, or the ball shows a joint's play that loaded
 motors deny, effects are selected anew beside it (`calibration.gap.name.stepwise`). Where the
 Coulomb friction that is named is as large as that of the rig file, it is no other one: the naming
-is repeated with shafts that do not wind up (`calibration.gap.veto`).
+is repeated with shafts that do not wind up, and where it is named there, too, it is not certain
+(`calibration.gap.veto`).
 """
 
 from collections.abc import Iterable, Mapping
@@ -30,6 +31,15 @@ from calibration.gap.name.screen import Screened
 from rig.parameters import Rig
 
 FRICTION, JOINT = "coulomb_friction", "joint_backlash"
+RIGID_SHAFTS = (
+    "a Coulomb friction as large as that of arm and joints in [drive] of the rig file is taken for "
+    "that one: the file's shafts are less stiff than the logs show, and the rig file that is "
+    "written has all of it on the arms"
+)
+FILES_FRICTION = (
+    "not certain: coulomb_friction: it is as large as that of arm and joints in [drive] of the rig "
+    "file, but no model in which that friction loads the motors explains the logs as well"
+)
 
 
 def choose_friction_model(

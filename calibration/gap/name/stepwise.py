@@ -23,6 +23,7 @@ from math import exp
 import numpy as np
 
 from calibration.gap.decision_rule import (
+    DOUBTED_PROBABILITY,
     DRY_FRICTIONS,
     MAX_EFFECTS,
     MIN_SHARE_OF_TOTAL,
@@ -99,6 +100,10 @@ class Accepted:
         setting = state.fit.setting
         told = (a for a in self.axes if state.nominal.exceeds_minimum(self.name, a, setting))
         return tuple(told) or self.axes
+
+    def doubted(self) -> "Accepted":
+        """The same name, at most DOUBTED_PROBABILITY likely."""
+        return replace(self, explained=min(self.explained, DOUBTED_PROBABILITY))
 
     @property
     def margin(self) -> float:

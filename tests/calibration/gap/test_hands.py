@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from calibration.gap import hands, investigate
+from calibration.gap.name.stepwise import Accepted
 from calibration.gap.unnamed.term import UnnamedTerm
 from rig.log import Log
 from rig.prediction.innovations import Signals
@@ -78,19 +79,13 @@ def test_a_name_is_certain_where_the_whole_tells_it_too():
     """A play of two degrees was certain on a part of a recording of a table that shows none."""
 
     @dataclass(frozen=True)
-    class Name:
-        name: str
-        margin: float = 9.0
-        explained: float = 1.0
-
-    @dataclass(frozen=True)
     class Told:
-        accepted: tuple[Name, ...]
+        accepted: tuple[Accepted, ...]
         unnamed: None = None
         verdict: str = "named"
         naming: Any = None
 
-    known, new = Name("level_offset"), Name("joint_backlash")
+    known, new = (Accepted(name, ("x",), 9.0, ()) for name in ("level_offset", "joint_backlash"))
     whole: Any = Told((), naming=SimpleNamespace(accepted=(known,)))
     both: Any = Told((known, new))
     found, reasons = hands.agreed(both, whole)

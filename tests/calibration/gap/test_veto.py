@@ -16,11 +16,14 @@ from calibration.gap.model.intervals import Spread
 from calibration.gap.model.parameters import NominalModel
 from calibration.gap.model.state import State
 from calibration.gap.name.decide import Decision, decide
-from calibration.gap.name.stepwise import Accepted, settled_baseline
+from calibration.gap.name.load_friction import friction_models
+from calibration.gap.name.stepwise import Accepted, Naming, settled_baseline
 from calibration.gap.veto import _better, _faint, _not_a_size, decide_by_proof, judge
 from rig.log import Log
+from rig.parameters import Rig
 from tests.support.gap.tables import RIG, evidence_of, foreign, released
 from tests.support.worlds import WORLDS
+from tests.support.worlds.healthy import rubbing_joints
 
 COUNT = 200
 
@@ -84,6 +87,32 @@ def test_no_name_of_a_healthy_axis_is_certain(seed: int):
     decision, _ = decide_by_proof(settled_baseline(evidence_of(Log.from_columns(columns)), nominal))
     assert decision.verdict in ("nothing-missing", "undecided")
     assert all(one.explained <= DOUBTED_PROBABILITY for one in decision.accepted)
+
+
+def test_the_rig_files_friction_that_stiff_shafts_do_not_explain_is_not_certain(monkeypatch):
+    """A worn tooth of an engine of others: named again beside shafts that do not wind up, by motors
+    without their load, it was certain."""
+    columns, _, _ = rubbing_joints(3600, seconds=4.0)
+    evidence = evidence_of(Log.from_columns(columns))
+    before = settled_baseline(evidence, friction_models(Rig())[-1])
+    accepted = Accepted("coulomb_friction", ("x", "y"), 100.0, ())
+    other = Accepted("camera_delay", ("xy",), 100.0, ())
+    setting = {f"coulomb_friction.friction_V.{axis}": 0.18 for axis in "xy"}
+    fit = replace(before.fit, setting=before.fit.setting | setting)
+    named = replace(before, fit=fit, named=tuple(("coulomb_friction", axis) for axis in "xy"))
+    naming = Naming(before, named, (accepted, other), (), (("", before),), [])
+    found = Decision("named", naming, (accepted, other), None, named)
+    asked = []
+
+    def proved(state, tell):
+        asked.append(state.nominal)
+        return found, ()
+
+    monkeypatch.setattr(veto, "_proved", proved)
+    decision, reasons = decide_by_proof(before)
+    assert [nominal.load_friction for nominal in asked] == [False, True]
+    assert [one.explained for one in decision.accepted] == [DOUBTED_PROBABILITY, 1.0]
+    assert [reason.split(":")[:2] for reason in reasons] == [["not certain", " coulomb_friction"]]
 
 
 @cache
