@@ -79,6 +79,7 @@ from calibration.gap.name.load_friction import (
     FRICTION,
     RIGID_SHAFTS,
     model_of_rigid_shafts,
+    names_files_friction,
 )
 from calibration.gap.name.naming_steps import NamingStep, Tell, untold
 from calibration.gap.name.stepwise import Accepted, settled_baseline
@@ -104,11 +105,11 @@ def decide_by_proof(before: State, tell: Tell = untold) -> tuple[Decision, tuple
     known = model_of_rigid_shafts(decision.naming.before, decision.state)
     if known is not None:
         rigid, told = _proved(settled_baseline(before.evidence, known), tell)
-        if model_of_rigid_shafts(rigid.naming.before, rigid.state) is None:
-            decision, reasons = rigid, (RIGID_SHAFTS, *told)
-        else:
+        if names_files_friction(rigid.naming.before, rigid.state):
             kept = [one.doubted() if one.name == FRICTION else one for one in decision.accepted]
             decision, reasons = _with(decision, kept), (*reasons, FILES_FRICTION)
+        else:
+            decision, reasons = rigid, (RIGID_SHAFTS, *told)
     if not decision.accepted and (change := changing(plain(decision.state))):
         decision = replace(decision, verdict="unknown-effect", change=change)
     return decision, reasons

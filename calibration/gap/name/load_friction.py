@@ -129,21 +129,32 @@ def _cost_with_same(state: State, other: NominalModel, outputs: tuple[str, ...])
 
 def model_of_rigid_shafts(before: State, after: State) -> NominalModel | None:
     """The nominal model of shafts that do not wind up, whose arms have all friction that the rig
-    file has of arm and joints, where a plate is there and what is named as Coulomb friction of all
-    motors is as large; None elsewhere. `before`, `after`: without and with the names."""
-    nominal, axes = before.nominal, [output[-1] for output in _servos(after.evidence)]
-    loaded = after.nominal.load_friction or after.nominal.coasts
-    if loaded or not axes or BALL not in after.evidence.outputs:
-        return None
+    file has of arm and joints, where motors that arms neither load nor let coast have that friction
+    by name; None elsewhere. `before`, `after`: without and with the names."""
+    coasts = after.nominal.coasts
+    return None if coasts or not names_files_friction(before, after) else _rigid(before.nominal)
+
+
+def names_files_friction(before: State, after: State) -> bool:
+    """Whether, where a plate is there and the model has no load of the motors, what is named as
+    Coulomb friction of all motors is as large as what the rig file has of arm and joints.
+    `before`, `after`: without and with the names."""
+    axes = [output[-1] for output in _servos(after.evidence)]
+    if after.nominal.load_friction or not axes or BALL not in after.evidence.outputs:
+        return False
     if not {(FRICTION, axis) for axis in axes} <= set(after.named):
-        return None
+        return False
+    other, names = _rigid(before.nominal), [f"{FRICTION}.friction_V.{axis}" for axis in axes]
+    more = {name: after.fit.setting[name] - other.assumed_friction_V for name in names}
+    return not any(other.exceeds_minimum(FRICTION, axis, more) for axis in axes)
+
+
+def _rigid(nominal: NominalModel) -> NominalModel:
+    """Motors loaded by arms that have the friction of arm and joints."""
     drive = nominal.rig.drive
     rigid = replace(drive, arm_friction_nm=held_nm(drive), joint_friction_nm=0.0)
     rig = replace(nominal.rig, drive=rigid)
-    other = NominalModel(rig, load_friction=True, tolerances=nominal.given_tolerances)
-    names = [f"{FRICTION}.friction_V.{axis}" for axis in axes]
-    more = {name: after.fit.setting[name] - other.assumed_friction_V for name in names}
-    return None if any(other.exceeds_minimum(FRICTION, axis, more) for axis in axes) else other
+    return NominalModel(rig, load_friction=True, tolerances=nominal.given_tolerances)
 
 
 def creeping_servos(evidence: Evidence, nominal: NominalModel) -> tuple[str, ...]:

@@ -20,7 +20,7 @@ from calibration.gap.name.load_friction import friction_models
 from calibration.gap.name.stepwise import Accepted, Naming, settled_baseline
 from calibration.gap.veto import _better, _faint, _not_a_size, decide_by_proof, judge
 from rig.log import Log
-from rig.parameters import Rig
+from rig.parameters import Drive, Rig
 from tests.support.gap.tables import RIG, evidence_of, foreign, released
 from tests.support.worlds import WORLDS
 from tests.support.worlds.healthy import rubbing_joints
@@ -102,11 +102,14 @@ def test_the_rig_files_friction_that_stiff_shafts_do_not_explain_is_not_certain(
     named = replace(before, fit=fit, named=tuple(("coulomb_friction", axis) for axis in "xy"))
     naming = Naming(before, named, (accepted, other), (), (("", before),), [])
     found = Decision("named", naming, (accepted, other), None, named)
+    coasting = replace(named, nominal=friction_models(Rig(drive=Drive(joint_friction_nm=0.0)))[1])
+    assert coasting.nominal.coasts
+    again = replace(found, state=coasting)
     asked = []
 
     def proved(state, tell):
         asked.append(state.nominal)
-        return found, ()
+        return again if state.nominal.load_friction else found, ()
 
     monkeypatch.setattr(veto, "_proved", proved)
     decision, reasons = decide_by_proof(before)
