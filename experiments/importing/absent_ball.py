@@ -1,8 +1,9 @@
 """Which values of the ball's columns mean `no ball`: -1, 0, 9999, the panel's end, a corner, and
 places that a detector holds."""
 
+import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +15,7 @@ NEAR = 2.0  # so far a ball may move: between NEAR and FAR it cannot be told
 LONGER = 3.0  # times the longest stay anywhere else: no ball rests so much better in one place
 HOLE = 5.0  # usual times between two known rows, over which a ball may come from anywhere
 SUDDEN = 3.0  # times the ball's step before or after: one that was pushed moves on so fast
+_CONDITION = re.compile(r"(.+?)\s*(>=|<)\s*(\d+(?:\.\d+)?)")
 BEYOND = 2.0  # widths of the middle 90 % of the places, beyond which no ball comes in one step
 
 
@@ -183,6 +185,23 @@ def _candidates(stays: _Stays) -> list[tuple[float, ...]]:
     known = [key for key, come in into.items() if len(come) >= MIN_ROWS]
     far = sorted(known, key=lambda key: -float(np.median(into[key])))[:5]
     return list(dict.fromkeys([*(key for key, _ in lasting.most_common(5)), *far]))
+
+
+def seen_rows(columns: Mapping[str, np.ndarray], conditions: Iterable[str]) -> np.ndarray:
+    """Rows (n,) in which all conditions hold: `NAME` (more than 0), `NAME >= 0.6` or `NAME < 1`. A
+    blank is no yes. columns: by name, (n,) each. KeyError: no column has that name."""
+    seen = np.ones(len(next(iter(columns.values()))), bool)
+    for condition in conditions:
+        name, sign, limit = condition_of(condition)
+        values = columns[name]
+        seen &= values < limit if sign == "<" else values >= limit if sign else values > 0
+    return seen
+
+
+def condition_of(text: str) -> tuple[str, str, float]:
+    """The column, `>=`, `<` or nothing, and the limit of a condition."""
+    match = _CONDITION.fullmatch(text)
+    return (match[1], match[2], float(match[3])) if match else (text, "", 0.0)
 
 
 def gone(

@@ -1,13 +1,25 @@
 """Where the recording shows a ball: its columns settled, with what means `no ball` in them."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from experiments.importing.absent_ball import absent_codes, alone_codes, gone, held_rows
+from experiments.importing.absent_ball import (
+    absent_codes,
+    alone_codes,
+    condition_of,
+    gone,
+    held_rows,
+    seen_rows,
+)
 from experiments.importing.draft import Draft
+from experiments.importing.names import belongs
 from experiments.importing.roles import NAMES, columns_of
+
+LIKELY = 0.6  # the cut-off (pcutoff) that DeepLabCut writes into every new project
+SURELY = 1.2  # a detector's peak may be a little higher than that of the pictures it was taught
+MOST_UNLIKELY = 0.25  # chosen: of the rows; a ball is on the table in more
 
 
 def settle_ball(draft: Draft, ball: Mapping[str, str]) -> dict[str, np.ndarray]:
@@ -44,17 +56,51 @@ def _blanked(columns: Sequence[np.ndarray], rows: np.ndarray) -> list[np.ndarray
 def _flagged(
     draft: Draft, ball: Mapping[str, str], names: Sequence[str]
 ) -> tuple[list[np.ndarray], tuple[str, ...]]:
-    """The ball's columns, NaN where another column says that there was none; those columns, which
-    are 0 or 1 and bear a name for it, or were stated."""
+    """The ball's columns, NaN where another column says that there was none; the conditions under
+    which there was one, as of `seen_rows`, by columns that bear a name for it, or as stated."""
     stated = [draft.said[name]["seen"] for name in names if draft.is_said(name, "seen")]
-    flags = stated[0] if stated else tuple(columns_of(draft, "seen"))
-    lost = np.zeros(len(draft.stream), bool)
+    found = () if stated or not ball else (*_told(draft, ball), *_likely(draft, ball, names))
+    flags = stated[0] if stated else found
     for flag in flags:
-        lost |= ~(draft.values(flag) > 0)
+        draft.values(condition_of(flag)[0])
+    lost = ~seen_rows(draft.stream.columns, flags)
     if flags and ball:
-        which = " or ".join(flags)
-        draft.because("ball", f"no ball where {which} is 0 ({_share(lost)} of the rows)")
+        which = " and ".join(f if condition_of(f)[1] else f"{f} > 0" for f in flags)
+        draft.because("ball", f"a ball only where {which} (none in {_share(lost)} of the rows)")
     return _blanked([draft.values(column) for column in ball.values()], lost), flags
+
+
+def _told(draft: Draft, ball: Mapping[str, str]) -> Iterator[str]:
+    """Yield what flags say, and the size of what was seen where that may be 0."""
+    yield from columns_of(draft, "seen")
+    yield from (f"{flag} < 1" for flag in columns_of(draft, "unseen"))
+    sizes = _of_the_ball(draft, "size", ball)
+    yield from (size for size in sizes if np.any(draft.values(size) <= 0))
+
+
+def _likely(draft: Draft, ball: Mapping[str, str], names: Sequence[str]) -> tuple[str, ...]:
+    """What a detector's likelihoods say; a doubt where it is no share, or rules out many rows."""
+    found = []
+    for column in _of_the_ball(draft, "likelihood", ball):
+        values = draft.values(column)
+        low, high = np.nanmin(values), np.nanmax(values)
+        per_cent = draft.hints[column].unit == "1/100"
+        least = LIKELY * (100 if high > SURELY else 1)
+        found.append(f"{column} >= {least:g}")
+        share = low >= 0 and high <= SURELY * (100 if per_cent else 1)
+        if not share or np.mean(~(values >= least)) > MOST_UNLIKELY:
+            why = f"{column} runs from {low:g} to {high:g}: from where on is it the ball"
+            draft.doubt(list(names), "seen", why, ",".join(found), "none")
+    return tuple(found)
+
+
+def _of_the_ball(draft: Draft, role: str, ball: Mapping[str, str]) -> list[str]:
+    """Columns of a role that speak of the ball: by their names where some bear its own, else those
+    that bear no other point's."""
+    names = columns_of(draft, role)
+    own = [name for name in names if belongs(name, ball.values())]
+    others = [n for n, one in draft.hints.items() if one.axis and n not in (*ball.values(), *names)]
+    return own or [name for name in names if not belongs(name, others)]
 
 
 def _held_rows(draft: Draft, names: list[str], columns: list[np.ndarray]) -> int:

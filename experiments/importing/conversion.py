@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.importing.absent_ball import gone
+from experiments.importing.absent_ball import condition_of, gone, seen_rows
 from experiments.importing.clock import read_clock
 from experiments.importing.import_map import ImportMap, SignalMap
 from experiments.importing.recording import (
@@ -30,7 +30,7 @@ def convert(stream: Stream, made: ImportMap) -> list[Log]:
     has 20 rows, or no value is left.
     """
     for name, signal in made.signals.items():
-        for column in (signal.column, *signal.seen):
+        for column in (signal.column, *(condition_of(flag)[0] for flag in signal.seen)):
             if column not in stream.columns:
                 there = ", ".join(list(stream.columns)[:12])
                 raise BadFileError(f"no column {column!r} for {name}; there are {there}")
@@ -116,9 +116,7 @@ def _absent(raw: Mapping[str, np.ndarray], stream: Stream, made: ImportMap) -> n
         [one.absent_alone for one in signals],
         max(one.held_rows for one in signals),
     )
-    for flag in {flag for one in signals for flag in one.seen}:
-        out |= ~(stream.columns[flag] > 0)
-    return out
+    return out | ~seen_rows(stream.columns, {flag for one in signals for flag in one.seen})
 
 
 def _si(name: str, values: np.ndarray, signal: SignalMap) -> np.ndarray:

@@ -55,7 +55,7 @@ class SignalMap(StrictModel):
     absent: values that mean `no ball` (where both coordinates have one of theirs), absent_alone:
     those that do so by themselves; held_rows: a place of the ball that stays for so many rows is
     one that its detector held, after the first of them (0: none is); seen: columns that are 0 or
-    blank where there was no ball;
+    blank where there was no ball, or conditions (`NAME >= 0.6`, `NAME < 1`) that do not hold there;
     resistance_ohm, back_emf_V_s_rad: of a motor whose current was recorded,
     V = R i + k_e theta'.
     """

@@ -29,11 +29,15 @@ WORDS = {
     "speed": "speed vel omega gyro dot rpm tacho tach rate",
     "derived": "filt est kalman kf pred hat lpf model sim",
     "other": "error err fehler errore erro fout integral gain kp ki kd temperature temp battery "
-    "loop fps count counter index frame id seq sequence nr covariance cov radius area conf "
-    "confidence z score reward done torque effort force moment load current_draw trim bias vx vy "
-    "xdot ydot mps mmps cmps",
+    "loop fps count counter index frame id seq sequence nr covariance cov z reward done "
+    "torque effort force moment load current_draw trim bias vx vy xdot ydot mps mmps cmps",
     "motor": "motor",
     "session": "run trial session episode take versuch lauf durchgang essai prueba ensayo prova",
+    "likelihood": "likelihood conf confidence score prob probability certainty confiance confianza "
+    "confidenza wahrscheinlichkeit",
+    "size": "radius area diameter",
+    "unseen": "lost missed missing occluded undetected verloren verdeckt perdu perdue perdido "
+    "perso verlies",
     "seen": "detected found visible seen valid tracked erkannt gefunden sichtbar gueltig gültig "
     "detecte detecté détecté trouve trouvé trovato visto valido detectado encontrado gezien "
     "gevonden",
@@ -50,6 +54,8 @@ STEMS = {  # of words that languages end in many ways
     "speed": "veloc geschwind vitess snelh",
     "voltage": "volt spannung",
 }
+FLAGS = {"seen", "unseen"}  # that there was a ball, or none
+TELLING = FLAGS | {"likelihood", "size"}
 _AXES = {
     **dict.fromkeys(("x", "1", "u", "cx", "xb", "bx", "px"), "x"),
     **dict.fromkeys(("y", "2", "v", "cy", "yb", "by", "py"), "y"),
@@ -70,7 +76,7 @@ _SIZED = re.compile(r"(.*?)([\s_]*([(\[{<])?[*x·×/]\s*)?(10+)(?(3)[\])}>])\s*"
 @dataclass(frozen=True)
 class Hint:
     """What a name says. role: time, ball, target, theta, command, angle (commanded or measured is
-    open), speed, voltage, share, current, seen (was there a ball?), session, or other; axis: x, y
+    open), speed, voltage, share, current, session, one of TELLING, or other; axis: x, y
     or none; clear: the word for an angle is one that nobody gives to a share or a count; derived:
     filtered or estimated by somebody's program; explicit: a word for the ball stands in it.
     """
@@ -104,6 +110,12 @@ def hints(names: Iterable[str], units: Mapping[str, str]) -> dict[str, Hint]:
         at = [i for i in _letters(words) if words[i] == "d" and tuple(words[:i]) not in others]
         read[name] = hint(f"desired {name}" if at else name, units.get(name))
     return read
+
+
+def belongs(name: str, to: Iterable[str]) -> bool:
+    """Whether a name (`corner1_likelihood`) begins as one of others, all but its last word."""
+    stem = _words(name)[:-1]
+    return bool(stem) and any(_words(other)[: len(stem)] == stem for other in to)
 
 
 def _letters(words: list[str]) -> list[int]:
@@ -228,8 +240,8 @@ def _role(words: list[str], roles: list[str], unit: str | None) -> str | None:
     numbers = all(_role_of(word) == "session" or word in _NUMBERING for word in words)
     if "session" in has and numbers:
         return "session"
-    if "seen" in has and has <= {"seen", "ball"}:
-        return "seen"
+    if has & TELLING and len(has - {"ball"}) == 1:
+        return next(iter(has & TELLING))
     if words and words[-1] in ("stamp", "timestamp"):
         return "time"
     if (
@@ -238,8 +250,8 @@ def _role(words: list[str], roles: list[str], unit: str | None) -> str | None:
         and kind in (None, "time")
     ):
         return "time"
-    if "other" in has or kind == "time":
-        return "other" if "other" in has else "time" if words[:1] == ["t"] else "other"
+    if has & {"other", "likelihood", "size"} or kind == "time":
+        return "time" if kind == "time" and "other" not in has and words[:1] == ["t"] else "other"
     if kind == "current" or "current" in has:
         return "current"
     if "share" in has and unit == "us":

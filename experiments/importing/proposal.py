@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from experiments.importing.absent_ball import condition_of
 from experiments.importing.ball import settle_ball
 from experiments.importing.draft import Doubt, Draft, Proposal
 from experiments.importing.drive import find_volts, settle_speeds, settle_targets, settle_volts
@@ -113,7 +114,8 @@ def _proposal(draft: Draft) -> Proposal:
                 why = f"the unit of {keys['column']} is not told by anything beside it"
                 draft.doubt([name], "unit", why, *usual)
     used = {keys["column"] for keys in draft.signals.values()}
-    used |= {flag for keys in draft.signals.values() for flag in keys.get("seen", ())}
+    each = (flag for keys in draft.signals.values() for flag in keys.get("seen", ()))
+    used |= {condition_of(flag)[0] for flag in each}
     used |= {draft.time.get("column"), draft.time.get("session")}
     data = {
         "time": {key: value for key, value in draft.time.items() if value is not None},

@@ -8,7 +8,7 @@ import numpy as np
 from experiments.importing.clock import coarse, read_clock, written_twice
 from experiments.importing.draft import Draft
 from experiments.importing.import_map import time_map
-from experiments.importing.names import Hint
+from experiments.importing.names import FLAGS, TELLING, Hint
 from experiments.importing.recording import MIN_ROWS, BadFileError
 from experiments.importing.units import FACTORS, factor, is_time
 
@@ -168,8 +168,8 @@ def _time_unit(draft: Draft, column: str) -> None:
 def columns_of(draft: Draft, role: str | None) -> list[str]:
     """Columns that names and units give a role (None: none), in the order of the file.
 
-    Constants are none, nor is what was stated to be something, nor a flag of 0 and 1 unless it is
-    asked for.
+    Constants are none, nor is what was stated to be something, nor a flag of 0 and 1 unless one is
+    asked for, and of seen and unseen nothing else.
     """
     taken = {keys.get("column") for keys in draft.said.values()} | {draft.time.get("column")}
     return [
@@ -178,7 +178,7 @@ def columns_of(draft: Draft, role: str | None) -> list[str]:
         if one.role == role
         and name not in taken
         and _changes(draft, name)
-        and is_flag(draft.values(name)) == (role == "seen")
+        and (role in TELLING if is_flag(draft.values(name)) else role not in FLAGS)
     ]
 
 

@@ -1,0 +1,84 @@
+"""Columns beside the ball's place that say how sure its detector was, or that it saw none."""
+
+import csv
+
+import numpy as np
+import pytest
+
+from experiments.importing.conversion import convert
+from experiments.importing.formats.choose import read_recording
+from experiments.importing.import_map import stated
+from experiments.importing.proposal import propose
+from experiments.importing.recording import Stream
+from tests.support.other_labs.bench import run
+
+AXES = [run(axis, control_hz=50, delay=0.02, noise=0.0002) for axis in (0, 1)]
+ROWS = len(AXES[0].t)
+LOST = np.isin(np.arange(ROWS) % 50, range(5))  # a tenth, five rows at a time
+RNG = np.random.default_rng(1)
+PLACES = [np.where(LOST, 1e3 * one.seen + RNG.normal(0, 25, ROWS), 1e3 * one.seen) for one in AXES]
+NEW = np.all([np.isfinite(one.seen) for one in AXES], axis=0)  # frames
+BALL = NEW & ~LOST
+SURE = np.where(LOST, RNG.uniform(0.0, 0.5, ROWS), RNG.uniform(0.8, 1.0, ROWS))
+
+
+def table(more: dict[str, np.ndarray], ball=("ball_x_mm", "ball_y_mm")) -> Stream:
+    """A time, angles and a ball that was wrong where LOST, and more columns."""
+    commands = {f"command_{a}_rad": one.command for a, one in zip("xy", AXES, strict=True)}
+    return Stream({"t": AXES[0].t, **dict(zip(ball, PLACES, strict=True)), **commands, **more})
+
+
+def seen(stream: Stream, *said: str) -> np.ndarray:
+    """Rows (n,) in which the log that needs no question has a ball."""
+    (log,) = convert(stream, propose(stream, stated(list(said))).map())
+    return np.isfinite(log["ball_x_m"])
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        {"ball_likelihood": SURE},
+        {"confidence": SURE},
+        {"ball.score": SURE, "instance.score": 3 * SURE},
+        {"detector conf [%]": 100 * SURE},
+        {"ball_probability": np.where(LOST, np.nan, SURE)},
+        {"ball_lost": LOST.astype(float)},
+        {"radius_px": np.where(LOST, 0.0, 18.0 + SURE)},
+        {"blob_area": np.where(LOST, 0.0, 900.0)},
+    ],
+    ids=lambda more: next(iter(more)),
+)
+def test_a_place_that_its_detector_did_not_believe_is_none(more):
+    np.testing.assert_array_equal(seen(table(more)), BALL)
+
+
+def test_a_likelihood_of_another_point_is_not_the_balls():
+    corner = {"corner1_x": SURE + 40, "corner1_y": SURE + 50, "corner1_likelihood": SURE[::-1]}
+    stream = table({"servo_confidence": SURE[::-1], **corner, "ball_likelihood": SURE})
+    np.testing.assert_array_equal(seen(stream), BALL)
+    np.testing.assert_array_equal(seen(table({"ball_radius_mm": 20 + SURE})), NEW)
+
+
+def test_a_number_that_is_no_share_or_rules_out_much_is_asked_about():
+    for more in ({"score": 255 * SURE}, {"confidence": 0.65 * SURE}):
+        (name,) = more
+        (doubt,) = propose(table(more)).doubts
+        assert (doubt.place, doubt.key) == ("ball", "seen")
+        assert doubt.options[0].startswith(f"{name} >= ")
+        limit = 0.6 * float(np.max(more[name]))
+        np.testing.assert_array_equal(seen(table(more), f"ball.seen={name}>={limit}"), BALL)
+    with pytest.raises(ValueError, match="no column 'lost'"):
+        propose(table({}), stated(["ball.seen=lost < 1"]))
+
+
+def test_deeplabcuts_three_rows_of_names(tmp_path):
+    who, part = ("DLC_resnet50_rig",) * 3, ("ball",) * 3
+    heads = [("scorer", *who), ("bodyparts", *part), ("coords", "x", "y", "likelihood")]
+    more = [("rig",) * 3, ("clock", "servo1", "servo2"), ("time_s", "command_rad", "command_rad")]
+    columns = [*PLACES, SURE, AXES[0].t, AXES[0].command, AXES[1].command]
+    with (tmp_path / "DLC.csv").open("w", newline="") as file:
+        write = csv.writer(file)
+        write.writerows([*a, *b] for a, b in zip(heads, more, strict=True))
+        write.writerows([i, *(f"{c[i]:.5f}" for c in columns)] for i in range(ROWS))
+    stream = read_recording(tmp_path / "DLC.csv").stream
+    np.testing.assert_array_equal(seen(stream, "ball.unit=mm"), BALL)
