@@ -16,7 +16,7 @@ WORDS = {
     "place": "pos position lage ort point xy pv touch touchscreen touchpad",
     "target": "target set setpoint sp ref des soll goal want wanted sollwert rif objetivo alvo "
     "referência doel",
-    "angle": "angle theta servo tilt winkel alpha beta roll pitch arm joint phi platte plate "
+    "angle": "angle theta servo tilt winkel alpha beta roll pitch arm phi platte plate "
     "plat actuator stepper brazo placa plateau servomotor rotation rotazione rotacion rotación "
     "hoek plaat neigung platten pan",
     "command": "cmd mv action out output ctrl control applied stellwinkel mando orden saida "
@@ -94,7 +94,7 @@ def hints(names: Iterable[str], units: Mapping[str, str]) -> dict[str, Hint]:
     desired roll, but beside `roll_p` the derivative's share, and beside `roll_c` the fourth; beside
     `present_position` a position is a servo's, as bus servos call it; x, y, z and w of one stem are
     parts of a quaternion, no angles and no places (a box in a picture has x, y, w and h)."""
-    split = {name: _words(name) for name in names}
+    split = {name: words_of(name) for name in names}
     others = {tuple(w[:i]) for w in split.values() for i in _letters(w) if w[i] != "d"}
     parts = Counter(tuple(w[:-1]) for w in split.values() if w and w[-1] in _QUATERNION)
     bus = any({"present", *_POSITION} & set(w) > {"present"} for w in split.values())
@@ -114,8 +114,8 @@ def hints(names: Iterable[str], units: Mapping[str, str]) -> dict[str, Hint]:
 
 def belongs(name: str, to: Iterable[str]) -> bool:
     """Whether a name (`corner1_likelihood`) begins as one of others, all but its last word."""
-    stem = _words(name)[:-1]
-    return bool(stem) and any(_words(other)[: len(stem)] == stem for other in to)
+    stem = words_of(name)[:-1]
+    return bool(stem) and any(words_of(other)[: len(stem)] == stem for other in to)
 
 
 def _letters(words: list[str]) -> list[int]:
@@ -137,16 +137,17 @@ def hint(name: str, stated_unit: str | None = None) -> Hint:
         unit = unit or canonical(inside)
         if canonical(inside) is None:
             bare += " " + inside  # theta[1]: an index
-    words = _words(bare)
+    words = words_of(bare)
     unit = unit or _size_in_front(bare, _unit_at_end(bare, words) or _unit_within(words))
     unit = canonical(f"{unit}*{size}") or unit if size else unit
     roles = [role for word in words if (role := _role_of(word))]
+    roles += ["angle"] * ("joint" in words)  # and measured
     sayings = words[:-1] if unit and len(words) > 1 and canonical(words[-1]) == unit else words
     said = [word for word in reversed(sayings) if word in _AXES]
     said.sort(key=lambda word: word not in ("x", "y"))  # the pixel's u is a control's, too
     axis = _AXES[said[0]] if said else None
     role = _role(words, roles, unit)
-    last = set(_words(re.split(r"[./]", bare)[-1]))
+    last = set(words_of(re.split(r"[./]", bare)[-1]))
     if role is None and last & PLAIN and last <= PLAIN | SEEN_AS:
         role = "ball"  # x and y alone
     clear = any(word.startswith((*CLEAR_ANGLE, *STEMS["angle"].split())) for word in words)
@@ -160,7 +161,7 @@ def _role_of(word: str) -> str | None:
     return _ROLES.get(word) or next(begun, None)
 
 
-def _words(name: str) -> list[str]:
+def words_of(name: str) -> list[str]:
     """Lower-case words of a name: at capitals, digits, and whatever is no letter."""
     name = re.sub(r"([a-zß-ÿ])([A-ZÀ-Þ])", r"\1 \2", name)
     name = re.sub(r"(?<=[A-Za-zÀ-ÿ])(?=\d)|(?<=\d)(?=[A-Za-zÀ-ÿ])", " ", name)
@@ -220,7 +221,7 @@ def _size_behind(name: str) -> tuple[str, str]:
     if front.endswith(("]", ")", "}", ">")):
         unit = canonical(_BRACKETS.findall(front)[-1]) if _BRACKETS.search(front) else None
     else:
-        words = _words(front) if front[-1:].isalpha() or front[-1:] in ("°", "%") else []
+        words = words_of(front) if front[-1:].isalpha() or front[-1:] in ("°", "%") else []
         known = words and (times or len(words[-1]) > 1)  # m10 and v10 are numbered
         unit = _unit_at_end(front, words) if known else None
     return (front, size) if unit else (name, "")

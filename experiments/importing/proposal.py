@@ -124,7 +124,7 @@ def _proposal(draft: Draft) -> Proposal:
     }
     return Proposal(
         data,
-        tuple(draft.doubts),
+        tuple(sorted(draft.doubts, key=lambda doubt: doubt.key != "column")),
         {line: tuple(texts) for line, texts in draft.reasons.items()},
         tuple(name for name in draft.stream.columns if name not in used),
     )

@@ -8,7 +8,7 @@ import numpy as np
 from experiments.importing.clock import coarse, read_clock, written_twice
 from experiments.importing.draft import Draft
 from experiments.importing.import_map import time_map
-from experiments.importing.names import FLAGS, TELLING, Hint
+from experiments.importing.names import FLAGS, TELLING, Hint, belongs
 from experiments.importing.recording import MIN_ROWS, BadFileError
 from experiments.importing.units import FACTORS, factor, is_time
 
@@ -277,9 +277,9 @@ def doubt_what_is_missing(
         options = [*(unknown or free)[:8], *(["none"] if servo else [])]
         why = "no column is the ball's place by its name"
         draft.doubt(["ball_x_m"], "column", why, *options)
-    elif len(ball) == 1 and unknown:
+    elif len(ball) == 1 and (able := [n for n in free if belongs(n, ball.values())] + unknown):
         other = "ball_y_m" if "x" in ball else "ball_x_m"
-        draft.doubt([other], "column", "the ball's other coordinate is open", *unknown[:8], "none")
+        draft.doubt([other], "column", "the ball's other coordinate is open", *able[:8], "none")
     asked = any(doubt.place.startswith(("theta", "command")) for doubt in draft.doubts)
     if not angles and not asked:
         if not free:

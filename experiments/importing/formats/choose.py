@@ -1,5 +1,6 @@
 """Which reader a file or folder needs."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -10,12 +11,14 @@ from experiments.importing.formats.hdf5_files import read_hdf5
 from experiments.importing.formats.json_files import read_json, read_json_lines
 from experiments.importing.formats.matlab import read_matlab
 from experiments.importing.formats.numpy_files import read_npy, read_npz
+from experiments.importing.formats.packed import ENDING, unpacked
+from experiments.importing.formats.quaternions import with_tilts
 from experiments.importing.formats.split_stamps import whole_stamps
 from experiments.importing.formats.tables import read_lerobot, read_parquet
 from experiments.importing.formats.tdms import read_tdms
 from experiments.importing.formats.text import read_text
 from experiments.importing.formats.turns import unwound
-from experiments.importing.recording import BadFileError, Recording, joined
+from experiments.importing.recording import BadFileError, Recording, Stream, joined
 from rig.files import printable
 
 # Characters; chosen: a library may name what it met by its bytes, a file of five lists columns.
@@ -57,19 +60,32 @@ def read_recording(path: Path) -> Recording:
         lerobot = (path / "meta" / "info.json").is_file()
         bag = is_bag(path)
         reader = read_lerobot if lerobot else read_bag if bag else None
+    elif path.suffix.lower() == ENDING:
+        reader = _read_packed if _reader_of(path.with_suffix("")) else None
     else:
-        reader = READERS.get(path.suffix.lower())
+        reader = _reader_of(path)
     if reader is None:
         raise BadFileError(
             f"{path}: no kind of recording that is known: {', '.join(READERS)}, the folder "
-            "of a LeRobot data set (with meta/info.json) or of a ROS 2 bag; save a spreadsheet's "
-            "sheet as .csv, unpack what is packed"
+            "of a LeRobot data set (with meta/info.json) or of a ROS 2 bag, or one of these files "
+            f"with {ENDING} behind; save a spreadsheet's sheet as .csv, unpack what else is packed"
         )
     try:
         with np.errstate(all="ignore"):  # damaged floats warn where they become doubles
-            return joined([unwound(whole_stamps(stream)) for stream in reader(path)])
+            return joined([unwound(with_tilts(whole_stamps(one))) for one in reader(path)])
     except BadFileError as error:
         raise BadFileError(f"{path}: {printable(error)[:LONGEST_WORDS]}") from error
+
+
+def _reader_of(path: Path) -> Callable[[Path], list[Stream]] | None:
+    return READERS.get(path.suffix.lower())
+
+
+def _read_packed(path: Path) -> list[Stream]:
+    """The streams of a file that was packed. BadFileError: as of its reader, or damaged."""
+    with unpacked(path) as inside:
+        reader = _reader_of(inside)
+        return reader(inside) if reader else []
 
 
 def _without_an_end(path: Path) -> Path | None:

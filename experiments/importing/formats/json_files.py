@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from experiments.importing.formats.clock_text import clock_seconds, is_clock
+from experiments.importing.formats.encodings import encoding_of
 from experiments.importing.formats.matlab import streams_of
 from experiments.importing.formats.messages import Columns, messages_of_lines, numbers
 from experiments.importing.recording import BadFileError, Stream, check_size, once_each
@@ -22,7 +23,7 @@ def read_json_lines(path: Path) -> list[Stream]:
     """Read the numbers of every line's object as one stream, a column a path (`ball.x`); texts that
     are times of day are seconds.
 
-    BadFileError: no text in UTF-8, a name stands twice in an object, or as of `messages_of_lines`.
+    BadFileError: no text, a name stands twice in an object, or as of `messages_of_lines`.
     """
     clocks: set[str] = set()
 
@@ -36,7 +37,7 @@ def read_json_lines(path: Path) -> list[Stream]:
             return None
 
     def read() -> Stream:
-        with path.open(encoding="utf-8-sig") as file:
+        with path.open(encoding=encoding_of(path), errors="replace") as file:
             return messages_of_lines(lines_of(file), row, "a JSON object")
 
     return [_timed(_read(read), clocks)]
@@ -51,7 +52,7 @@ def read_json(path: Path) -> list[Stream]:
         raise BadFileError(
             f"it has {size} bytes (limit: {MAX_BYTES}): write an object a line, .jsonl"
         )
-    text = _read(lambda: path.read_text(encoding="utf-8-sig"))
+    text = _read(lambda: path.read_text(encoding=encoding_of(path), errors="replace"))
     clocks: set[str] = set()
     try:
         whole = json.loads(text, object_pairs_hook=once_each)
@@ -70,11 +71,9 @@ def read_json(path: Path) -> list[Stream]:
 
 
 def _read(read: Callable[[], T]) -> T:
-    """What `read` returns. BadFileError: it is no text in UTF-8, or another error of a value."""
+    """What `read` returns. BadFileError: another error of a value, in its words."""
     try:
         return read()
-    except UnicodeDecodeError as error:
-        raise BadFileError("it is no text in UTF-8") from error
     except BadFileError:
         raise
     except ValueError as error:

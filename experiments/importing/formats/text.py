@@ -1,7 +1,6 @@
 """Read tables of text: any separator, decimal comma, preamble, row of units, names or none; and
 lines that name each number."""
 
-import codecs
 import csv
 import re
 from collections import Counter
@@ -13,6 +12,7 @@ import numpy as np
 
 from experiments.importing.formats.clock_text import clock_seconds, is_clock
 from experiments.importing.formats.decimals import NumberColumn, is_number
+from experiments.importing.formats.encodings import encoding_of
 from experiments.importing.formats.head_rate import time_by_rate
 from experiments.importing.formats.labelled import is_labelled, labelled
 from experiments.importing.recording import (
@@ -44,7 +44,7 @@ def read_text(path: Path) -> list[Stream]:
     if size > MAX_BYTES:
         raise BadFileError(f"it has {size} bytes (limit: {MAX_BYTES}): cut it into parts")
     try:
-        with path.open(encoding=_encoding(path), errors="replace", newline="") as file:
+        with path.open(encoding=encoding_of(path), errors="replace", newline="") as file:
             return [_table(line for line in lines_of(file) if line.strip())]
     except BadFileError:
         raise
@@ -101,25 +101,6 @@ def _table(lines: Iterator[str]) -> Stream:
         notes=notes,
         unreadable={name: cells for name, (_, cells) in numbers.items() if cells.count},
     )
-
-
-def _encoding(path: Path) -> str:
-    """By the byte order mark, else UTF-8, else Latin-1 (old Windows). BadFileError: no text."""
-    with path.open("rb") as file:
-        begin = file.read(4096)
-        if begin.startswith((b"\xff\xfe", b"\xfe\xff")):
-            return "utf-16"
-        if b"\0" in begin:
-            raise BadFileError("it is no text (it has zero bytes)")
-        decoder = codecs.getincrementaldecoder("utf-8")()
-        try:
-            while begin:
-                decoder.decode(begin)
-                begin = file.read(1 << 20)
-            decoder.decode(b"", final=True)
-        except UnicodeDecodeError:
-            return "latin-1"
-    return "utf-8-sig"
 
 
 def _cells(lines: Iterable[str], separator: str) -> Iterator[list[str]]:
