@@ -65,9 +65,15 @@ def _flagged(
         draft.values(condition_of(flag)[0])
     lost = ~seen_rows(draft.stream.columns, flags)
     if flags and ball:
-        which = " and ".join(f if condition_of(f)[1] else f"{f} > 0" for f in flags)
-        draft.because("ball", f"a ball only where {which} (none in {_share(lost)} of the rows)")
+        which = " or ".join(map(_otherwise, flags))
+        draft.because("ball", f"no ball where {which} ({_share(lost)} of the rows)")
     return _blanked([draft.values(column) for column in ball.values()], lost), flags
+
+
+def _otherwise(condition: str) -> str:
+    """What holds where a condition does not."""
+    name, sign, limit = condition_of(condition)
+    return f"{name} {'<' if sign == '>=' else '>='} {limit:g}" if sign else f"{name} is 0"
 
 
 def _told(draft: Draft, ball: Mapping[str, str]) -> Iterator[str]:

@@ -5,6 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
+from experiments.importing.columns.quaternions import with_tilts
+from experiments.importing.columns.split_stamps import whole_stamps
+from experiments.importing.columns.turns import unwound
 from experiments.importing.formats.bag_folder import is_bag
 from experiments.importing.formats.bags import read_bag
 from experiments.importing.formats.hdf5_files import read_hdf5
@@ -12,12 +15,9 @@ from experiments.importing.formats.json_files import read_json, read_json_lines
 from experiments.importing.formats.matlab import read_matlab
 from experiments.importing.formats.numpy_files import read_npy, read_npz
 from experiments.importing.formats.packed import ENDING, unpacked
-from experiments.importing.formats.quaternions import with_tilts
-from experiments.importing.formats.split_stamps import whole_stamps
 from experiments.importing.formats.tables import read_lerobot, read_parquet
 from experiments.importing.formats.tdms import read_tdms
 from experiments.importing.formats.text import read_text
-from experiments.importing.formats.turns import unwound
 from experiments.importing.recording import BadFileError, Recording, Stream, joined
 from rig.files import printable
 

@@ -15,6 +15,7 @@ from experiments.importing.formats.decimals import NumberColumn, is_number
 from experiments.importing.formats.encodings import encoding_of
 from experiments.importing.formats.head_rate import time_by_rate
 from experiments.importing.formats.labelled import is_labelled, labelled
+from experiments.importing.formats.long_form import LongForm
 from experiments.importing.recording import (
     MAX_COLUMNS,
     TWICE,
@@ -28,13 +29,15 @@ from experiments.records.csv_files import blocks_of, lines_of
 
 SEPARATORS = (" ", ",", "|", "\t", ";")  # the later, the less likely to mean anything else
 FOLLOWING = 10  # lines; chosen: half of a LabVIEW header, in which numbers stand among words
+ANNOTATIONS = ("#group", "#datatype", "#default")  # of InfluxDB's CSV, before each part of it
 PREAMBLE_LINES = 200  # chosen: LabVIEW's longest headers have some thirty lines
 MAX_BYTES = 1_000_000_000
 _UNIT_CELL = re.compile(r"[\[(]?\s*[A-Za-zµμ°%/0-9^*·\s-]*\s*[\])]?")
 
 
 def read_text(path: Path) -> list[Stream]:
-    """Read a text table as one stream; blanks and words are NaN, times of day are seconds.
+    """Read a text table as one stream, or as one for each series of a table in long form; blanks
+    and words are NaN, times of day are seconds.
 
     Without a line of names the columns are called `column 1`, `column 2` ... Lines with another
     number of cells are left out, which the stream's notes tell. BadFileError: it is no text, has no
@@ -45,28 +48,30 @@ def read_text(path: Path) -> list[Stream]:
         raise BadFileError(f"it has {size} bytes (limit: {MAX_BYTES}): cut it into parts")
     try:
         with path.open(encoding=encoding_of(path), errors="replace", newline="") as file:
-            return [_table(line for line in lines_of(file) if line.strip())]
+            return _table(line for line in lines_of(file) if line.strip())
     except BadFileError:
         raise
     except ValueError as error:
         raise BadFileError(str(error)) from error
 
 
-def _table(lines: Iterator[str]) -> Stream:
+def _table(lines: Iterator[str]) -> list[Stream]:
     """The table of these lines, none of which is blank."""
     head = list(islice(lines, PREAMBLE_LINES))
     if not head:
         raise BadFileError("it is empty")
     if is_labelled(head):
-        return labelled(chain(head, lines))
+        return [labelled(chain(head, lines))]
     separator, first = _layout(head)
-    cells = _cells(chain(head[first:], lines), separator)
+    below = (line for line in chain(head[first:], lines) if not line.startswith(ANNOTATIONS))
+    cells = _cells(below, separator)
     begin = list(islice(cells, PREAMBLE_LINES))
     width = Counter(map(len, begin)).most_common(1)[0][0]
     above = _named(_split(head[:first], separator), width)
     names, units = _header(above, width)
     commas = any("," in cell for row in begin for cell in row)
     found = [NumberColumn(name, commas=commas) for name in names]
+    long = LongForm(names, begin)
     clocks, count, read, again = set[str](), 0, 0, 0
     for block in blocks_of(chain(begin, cells), width):
         below = _without_headers(block, above, width, first + count + again)
@@ -75,6 +80,7 @@ def _table(lines: Iterator[str]) -> Stream:
         check_size(count, width)
         rows = [row for row in below if len(row) == width]
         read += len(rows)
+        long.extend(rows)
         for one, column in zip(found, zip(*rows, strict=True), strict=bool(rows)):
             if _is_clock(column):
                 clocks.add(one.name)
@@ -94,13 +100,14 @@ def _table(lines: Iterator[str]) -> Stream:
     told = None if clocks else time_by_rate(columns, head[:first])
     if told:
         columns, units = columns | dict([told]), units | {told[0]: "s"}
-    return Stream(
+    stream = Stream(
         columns,
         units,
         by_rate=told[0] if told else None,
         notes=notes,
         unreadable={name: cells for name, (_, cells) in numbers.items() if cells.count},
     )
+    return long.parted(stream)
 
 
 def _cells(lines: Iterable[str], separator: str) -> Iterator[list[str]]:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from experiments.importing.agreement import contradiction
-from experiments.importing.formats.turns import unwound
+from experiments.importing.columns.turns import unwound
 from experiments.importing.proposal import propose
 from experiments.importing.recording import Stream
 from experiments.records.importing import read_log

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from experiments.importing.columns.quaternions import with_tilts
 from experiments.importing.conversion import convert
-from experiments.importing.formats.quaternions import with_tilts
 from experiments.importing.import_map import stated
 from experiments.importing.proposal import propose
 from experiments.importing.recording import Stream

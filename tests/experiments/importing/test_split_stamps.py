@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from experiments.importing.columns.split_stamps import whole_stamps
 from experiments.importing.formats.choose import read_recording
-from experiments.importing.formats.split_stamps import whole_stamps
 from experiments.importing.recording import Stream
 
 MS = 1_700_000_000_000 + 20 * np.arange(200) + 7

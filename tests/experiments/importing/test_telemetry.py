@@ -92,7 +92,7 @@ def test_a_letter_means_what_its_neighbours_let_it(names: list[str], role: str |
         ("trim_x_deg", "other"),
         ("Kugel gefunden", "seen"),
         ("ball_detected", "seen"),
-        ("confidence", "other"),
+        ("confidence", "likelihood"),
         ("x_dot_mps", "other"),
         ("vx", "other"),
         ("MV_x", "command"),

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from experiments.importing.columns.turns import unwound
 from experiments.importing.formats.choose import read_recording
-from experiments.importing.formats.turns import unwound
 from experiments.importing.recording import Stream
 
 SWING = 9 * np.sin(np.arange(400) / 20) + 1
