@@ -138,7 +138,7 @@ def _streams(name: str, tree: Mapping[str, Any]) -> Iterator[Stream]:
     for key, value in _simulink(tree).items():
         full = f"{name}.{key}" if name else key
         if isinstance(value, list):
-            value = {str(i + 1): one for i, one in enumerate(value)}
+            value = _listed(value)
         if isinstance(value, Mapping):
             for stream in _streams(full, value):
                 if stream.time is None:
@@ -163,6 +163,32 @@ def _streams(name: str, tree: Mapping[str, Any]) -> Iterator[Stream]:
         rest = {k: v for k, v in columns.items() if len(v) != rows}
         if rest:
             yield from _streams("", rest)
+
+
+def _listed(parts: list[Any]) -> Any:
+    """What a cell or an array of structs holds: fields of n moments, or the numbers (n, k) of n
+    moments, as version 7.3 keeps a field; else the parts by their numbers."""
+    if len(parts) < MIN_ROWS or not all(map(_is_moment, parts)):
+        return {str(i + 1): one for i, one in enumerate(parts)}
+    if any(isinstance(one, Mapping) for one in parts):
+        moments = [one if isinstance(one, Mapping) else {} for one in parts]
+        return {
+            key: [one.get(key) for one in moments] for key in {k: 0 for m in moments for k in m}
+        }
+    widths = {np.size(one) for one in parts if one is not None} - {0}
+    if len(widths) != 1:
+        return None
+    blank = np.full(widths.pop(), np.nan)
+    return np.array([blank if one is None or not np.size(one) else np.ravel(one) for one in parts])
+
+
+def _is_moment(part: Any) -> bool:
+    """Whether it is one moment's: nothing, few numbers, words, or a struct of these."""
+    if isinstance(part, Mapping):
+        return all(map(_is_moment, part.values()))
+    if isinstance(part, np.ndarray):
+        return part.size <= MAX_WIDTH and part.dtype.kind in "fiub"
+    return part is None or isinstance(part, np.number | int | float | str)
 
 
 def _is_time(key: str, numbers: np.ndarray) -> bool:
