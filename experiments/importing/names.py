@@ -56,6 +56,12 @@ STEMS = {  # of words that languages end in many ways
 }
 FLAGS = {"seen", "unseen"}  # that there was a ball, or none
 TELLING = FLAGS | {"likelihood", "size"}
+STATES = {  # words of a tracker about its ball, in a column of words
+    **dict.fromkeys("tracked tracking found detected seen visible ok good valid locked".split(), 1),
+    **dict.fromkeys("lost missing undetected occluded invalid searching bad predicted".split(), 0),
+    **dict.fromkeys(("not found", "not_found", "notfound", "not detected", "no ball"), 0),
+}
+STATED = "{} [seen]"  # the name of such a column, as of 1 and 0
 _AXES = {
     **dict.fromkeys(("x", "1", "u", "cx", "xb", "bx", "px"), "x"),
     **dict.fromkeys(("y", "2", "v", "cy", "yb", "by", "py"), "y"),
@@ -241,8 +247,9 @@ def _role(words: list[str], roles: list[str], unit: str | None) -> str | None:
     numbers = all(_role_of(word) == "session" or word in _NUMBERING for word in words)
     if "session" in has and numbers:
         return "session"
-    if has & TELLING and len(has - {"ball"}) == 1:
-        return next(iter(has & TELLING))
+    plain = has - {"ball", *(["measured"] if "state" in words else [])}
+    if len(plain) == 1 and plain <= TELLING:
+        return plain.pop()
     if words and words[-1] in ("stamp", "timestamp"):
         return "time"
     if (
@@ -255,8 +262,8 @@ def _role(words: list[str], roles: list[str], unit: str | None) -> str | None:
         return "time" if kind == "time" and "other" not in has and words[:1] == ["t"] else "other"
     if kind == "current" or "current" in has:
         return "current"
-    if "share" in has and unit == "us":
-        return "command"  # a pulse's width, not a share of a supply
+    if has & {"share", "angle", "motor"} and unit == "us":
+        return "command"  # a pulse's width: no share of a supply, and no servo measures it
     if "share" in has and "angle" not in has:
         return "share"
     if kind == "voltage" or "voltage" in has:

@@ -10,6 +10,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from experiments.importing.names import STATES
 from experiments.importing.recording import BadFileError, Unreadable
 
 MARKS = (".", ",")
@@ -67,6 +68,7 @@ class NumberColumn:
         self._unreadable = dict.fromkeys(self._values, Unreadable())
         self._told: set[str] = set()
         self._short = False  # a whole number below 1000 stands in it
+        self._states: array[float] | None = array("d")  # while no number stands in it
 
     @property
     def sure(self) -> set[str]:
@@ -75,7 +77,7 @@ class NumberColumn:
 
     def add(self, numbers: Iterable[float]) -> None:
         """Take cells that were read by other means: times of day."""
-        numbers = list(numbers)
+        numbers, self._states = list(numbers), None
         for values in self._values.values():
             values.extend(numbers)
 
@@ -90,6 +92,9 @@ class NumberColumn:
         if len(self._values) > 1:
             self._told |= {_told(cell) for cell in cells}
             self._short |= any(cell.strip().lstrip("+-").isdigit() for cell in cells)
+        if self._states is not None:
+            self._states.extend(STATES.get(cell.strip().lower(), np.nan) for cell in cells)
+            self._states = None if any(map(is_number, cells)) else self._states
         for mark, values in self._values.items():
             for cell in cells:
                 found = number(cell, mark)
@@ -98,6 +103,13 @@ class NumberColumn:
                     self._unreadable[mark] = self._unreadable[mark].and_(cell)
         if len(self.sure) == 1:  # what does not agree with it from now on is unreadable
             self._values = {mark: self._values[mark] for mark in self.sure}
+
+    @property
+    def states(self) -> np.ndarray | None:
+        """1 and 0 (n,) where the column is of words that say if there was a ball, NaN for others;
+        None where it is not."""
+        found = np.array([] if self._states is None else self._states)
+        return found if {0.0, 1.0} <= {*found[np.isfinite(found)]} else None
 
     def numbers(self, sure: set[str]) -> tuple[np.ndarray, Unreadable]:
         """The column (n,) and what could not be read. sure: decimal marks of the table's columns.

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from experiments.importing.names import STATED, STATES
 from experiments.importing.recording import (
     MAX_COLUMNS,
     BadFileError,
@@ -78,6 +79,8 @@ def numbers(name: str, value: Any, depth: int) -> Iterator[tuple[str, float]]:
     """Yield the numbers of a message with their paths; joints are called by their names."""
     if isinstance(value, bool | int | float | np.number):
         yield name, float(value)
+    elif isinstance(value, str) and value.lower() in STATES:
+        yield STATED.format(name), STATES[value.lower()]
     elif isinstance(value, str | bytes | bytearray) or value is None or depth > MAX_DEPTH:
         return
     elif hasattr(value, "__len__") and not isinstance(value, dict):

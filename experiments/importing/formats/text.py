@@ -16,6 +16,7 @@ from experiments.importing.formats.encodings import encoding_of
 from experiments.importing.formats.head_rate import time_by_rate
 from experiments.importing.formats.labelled import is_labelled, labelled
 from experiments.importing.formats.long_form import LongForm
+from experiments.importing.names import STATED
 from experiments.importing.recording import (
     MAX_COLUMNS,
     TWICE,
@@ -32,6 +33,7 @@ FOLLOWING = 10  # lines; chosen: half of a LabVIEW header, in which numbers stan
 ANNOTATIONS = ("#group", "#datatype", "#default")  # of InfluxDB's CSV, before each part of it
 PREAMBLE_LINES = 200  # chosen: LabVIEW's longest headers have some thirty lines
 MAX_BYTES = 1_000_000_000
+_REMARKS = {"", "Comment"}  # LabVIEW's last column, which rows without one have not
 _UNIT_CELL = re.compile(r"[\[(]?\s*[A-Za-zµμ°%/0-9^*·\s-]*\s*[\])]?")
 
 
@@ -97,6 +99,7 @@ def _table(lines: Iterator[str]) -> list[Stream]:
     sure = set().union(*(one.sure for one in found))
     numbers = {one.name: one.numbers(sure) for one in found}
     columns = {name: values for name, (values, _) in numbers.items()}
+    columns |= {STATED.format(one.name): one.states for one in found if one.states is not None}
     told = None if clocks else time_by_rate(columns, head[:first])
     if told:
         columns, units = columns | dict([told]), units | {told[0]: "s"}
@@ -193,6 +196,7 @@ def _named(lines: Iterable[Sequence[str]], width: int) -> list[list[str]]:
     """Cells, as bare words, of those lines that may name `width` columns or their units."""
     fitting = [[c.strip(' \t"').lstrip("#%").strip() for c in cells] for cells in lines]
     fitting = [cells[len(cells) == width + 1 and not cells[0] :] for cells in fitting]
+    fitting = [cells[:width] if set(cells[width:]) <= _REMARKS else cells for cells in fitting]
     fitting = [cells + [""] * (len(cells) == width - 1) for cells in fitting]
     return [cells for cells in fitting if len(cells) == width and sum(map(bool, cells)) > 1]
 

@@ -1,6 +1,7 @@
 """Columns beside the ball's place that say how sure its detector was, or that it saw none."""
 
 import csv
+import json
 
 import numpy as np
 import pytest
@@ -69,6 +70,32 @@ def test_a_number_that_is_no_share_or_rules_out_much_is_asked_about():
         np.testing.assert_array_equal(seen(table(more), f"ball.seen={name}>={limit}"), BALL)
     with pytest.raises(ValueError, match="no column 'lost'"):
         propose(table({}), stated(["ball.seen=lost < 1"]))
+
+
+WORDS = np.where(LOST, "lost", np.where(np.arange(ROWS) % 2, "Tracked", "found"))
+
+
+def test_a_trackers_words_in_a_table(tmp_path):
+    columns = table({}).columns
+    with (tmp_path / "run.csv").open("w", newline="") as file:
+        write = csv.writer(file)
+        write.writerow([*columns, "state"])
+        write.writerows([*(f"{c[i]:.5f}" for c in columns.values()), WORDS[i]] for i in range(ROWS))
+    np.testing.assert_array_equal(seen(read_recording(tmp_path / "run.csv").stream), BALL)
+
+
+def test_a_trackers_words_in_messages(tmp_path):
+    columns = {name: values.tolist() for name, values in table({}).columns.items()}
+    rows = ({**{n: c[i] for n, c in columns.items()}, "state": WORDS[i]} for i in range(ROWS))
+    (tmp_path / "run.jsonl").write_text("".join(json.dumps(row) + "\n" for row in rows))
+    np.testing.assert_array_equal(seen(read_recording(tmp_path / "run.jsonl").stream), BALL)
+
+
+def test_words_of_a_servo_say_nothing_of_the_ball(tmp_path):
+    rows = "".join(f"{i / 50},{i},{i % 9},{'ok' if i % 7 else 'lost'}\n" for i in range(40))
+    (tmp_path / "run.csv").write_text(f"t,x_mm,servo_x_deg,servo_state\n{rows}")
+    stream = read_recording(tmp_path / "run.csv").stream
+    assert not any(keys.get("seen") for keys in propose(stream).draft["signals"].values())
 
 
 def test_deeplabcuts_three_rows_of_names(tmp_path):

@@ -33,6 +33,13 @@ from experiments.importing.names import hint, hints
         ("u_px", "ball", "x", "px"),
         ("x_real", "ball", "x", None),
         ("act", None, None, None),
+        ("joint_state.position[0]", "theta", None, None),
+        ("servo_x_us", "command", "x", "us"),
+        ("ball_likelihood", "likelihood", None, None),
+        ("detection.score", "likelihood", None, None),
+        ("servo_confidence", "other", None, None),
+        ("ball_lost", "unseen", None, None),
+        ("ball_radius_mm", "size", None, "mm"),
     ],
 )
 def test_compounds_and_spelled_units(

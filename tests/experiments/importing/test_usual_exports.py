@@ -33,10 +33,13 @@ def recorded(path: Path, text: str) -> Stream:
     return read_recording(path).stream
 
 
-def test_labviews_header_of_channels_is_none_of_the_table_and_says_the_units(tmp_path: Path):
-    rows = [f"{k / 50:.6f}\t{np.sin(k):.6f}\t{np.cos(k):.6f}\t" for k in K]
+@pytest.mark.parametrize("remark", ["", "\t"])
+def test_labviews_header_of_channels_is_none_of_the_table_and_says_the_units(
+    tmp_path: Path, remark: str
+):
+    rows = [f"{k / 50:.6f}\t{np.sin(k):.6f}\t{np.cos(k):.6f}{remark}" for k in K]
     stream = recorded(tmp_path / "a.lvm", LABVIEW + "\n".join(rows))
-    assert [*stream.columns] == ["X_Value", "Tilt", "Ball", "Comment"]
+    assert [*stream.columns] == ["X_Value", "Tilt", "Ball", *(["Comment"] if remark else [])]
     assert stream.units == {"Tilt": "deg", "Ball": "mm"}
     np.testing.assert_allclose(stream.columns["X_Value"], K / 50)
 
