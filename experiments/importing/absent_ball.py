@@ -15,6 +15,8 @@ NEAR = 2.0  # so far a ball may move: between NEAR and FAR it cannot be told
 LONGER = 3.0  # times the longest stay anywhere else: no ball rests so much better in one place
 HOLE = 5.0  # usual times between two known rows, over which a ball may come from anywhere
 SUDDEN = 3.0  # times the ball's step before or after: one that was pushed moves on so fast
+USUAL, ROUGH = 0.7, 10.0  # chosen: a quarter may be wrong; a ball is seldom thrown back
+MIN_ROUGH = 50
 _CONDITION = re.compile(r"(.+?)\s*(>=|<)\s*(\d+(?:\.\d+)?)")
 BEYOND = 2.0  # widths of the middle 90 % of the places, beyond which no ball comes in one step
 
@@ -185,6 +187,25 @@ def _candidates(stays: _Stays) -> list[tuple[float, ...]]:
     known = [key for key, come in into.items() if len(come) >= MIN_ROWS]
     far = sorted(known, key=lambda key: -float(np.median(into[key])))[:5]
     return list(dict.fromkeys([*(key for key, _ in lasting.most_common(5)), *far]))
+
+
+def jumps(columns: Sequence[np.ndarray], seconds: np.ndarray) -> float:
+    """Share of the rows at which no ball can be, by those beside them: its speed from place to
+    place changes there ROUGH times as much as noise and tilt change it. NaN where too little is
+    known without holes. columns: (n,) each; seconds (n,): when."""
+    points = np.column_stack(columns)
+    known = np.isfinite(points).all(axis=1) & np.isfinite(seconds)
+    points, seconds = points[known], seconds[known]
+    moved = np.r_[True, np.any(points[1:] != points[:-1], axis=1)][: len(points)]
+    waits = np.diff(seconds[moved])
+    if len(waits) < MIN_ROUGH:
+        return np.nan
+    speeds = np.diff(points[moved], axis=0) / waits[:, None]
+    near = waits <= HOLE * np.median(waits)
+    changes = np.linalg.norm(np.diff(speeds, axis=0), axis=1)[near[1:] & near[:-1]]
+    if len(changes) < MIN_ROUGH:
+        return np.nan
+    return float(np.mean(changes > ROUGH * np.quantile(changes, USUAL)))
 
 
 def seen_rows(columns: Mapping[str, np.ndarray], conditions: Iterable[str]) -> np.ndarray:

@@ -11,6 +11,7 @@ from experiments.importing.absent_ball import (
     condition_of,
     gone,
     held_rows,
+    jumps,
     seen_rows,
 )
 from experiments.importing.draft import Draft
@@ -19,6 +20,9 @@ from experiments.importing.roles import NAMES, columns_of
 
 LIKELY = 0.6  # the cut-off (pcutoff) that DeepLabCut writes into every new project
 SURELY = 1.2  # a detector's peak may be a little higher than that of the pictures it was taught
+MOST_JUMPS = 0.005  # chosen: of the rows; that a ball at the rim is hit so often is a wonder
+MOST_LOST = 0.5  # chosen: of the rows, what a column may say that was lost
+FEWER = 5.0  # times fewer jumps are left by a column that tells of them
 MOST_UNLIKELY = 0.25  # chosen: of the rows; a ball is on the table in more
 
 
@@ -35,6 +39,7 @@ def settle_ball(draft: Draft, ball: Mapping[str, str]) -> dict[str, np.ndarray]:
     columns = _blanked(columns, gone(columns, [(code,) for code in codes]))
     alone = [_alone(draft, *one) for one in zip(names, ball.values(), columns, strict=True)]
     columns = _blanked(columns, gone(columns, alone=alone))
+    _doubt_jumps(draft, names, columns, ball, flags)
     seen = {}
     for i, (axis, column) in enumerate(ball.items()):
         sign = -1 if axis == "y" and draft.hints[column].unit == "px" else 1
@@ -47,6 +52,35 @@ def settle_ball(draft: Draft, ball: Mapping[str, str]) -> dict[str, np.ndarray]:
         kept = dict(zip(ball.values(), columns, strict=True))
         draft.stream = replace(draft.stream, columns={**draft.stream.columns, **kept})
     return seen
+
+
+def _doubt_jumps(
+    draft: Draft,
+    names: Sequence[str],
+    columns: Sequence[np.ndarray],
+    ball: Mapping[str, str],
+    flags: Sequence[str],
+) -> None:
+    """Doubt places (n,) that jump as no ball does, whatever took them for one; the options are what
+    another column says by which they would not. flags: the conditions that hold already."""
+    share = jumps(columns, draft.seconds)
+    asked = any(doubt.key == "seen" for doubt in draft.doubts)
+    if asked or not share > MOST_JUMPS:
+        return
+    telling = []
+    for name, values in draft.stream.columns.items():
+        low = np.nanmin(values, initial=0.0)
+        if name in ball.values() or name == draft.time.get("column") or low < 0:
+            continue
+        for condition in (f"{name} < 1", name):
+            lost = ~seen_rows(draft.stream.columns, [condition])
+            left = jumps(_blanked(columns, lost), draft.seconds)
+            if np.mean(lost) <= MOST_LOST and left <= min(MOST_JUMPS, share / FEWER):
+                telling.append(",".join((*flags, condition)))
+    told = f"the ball's place jumps as none can in {100 * share:.1f} % of the rows"
+    why = f"{told}: which column says that it was lost (if none does, take those rows out)"
+    draft.doubt(list(names), "seen", why, *telling[:4], "none")
+    draft.because("ball", told)
 
 
 def _blanked(columns: Sequence[np.ndarray], rows: np.ndarray) -> list[np.ndarray]:

@@ -3,7 +3,7 @@
 import re
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from experiments.importing.units import canonical, quantity
 
@@ -33,11 +33,11 @@ WORDS = {
     "torque effort force moment load current_draw trim bias vx vy xdot ydot mps mmps cmps",
     "motor": "motor",
     "session": "run trial session episode take versuch lauf durchgang essai prueba ensayo prova",
-    "likelihood": "likelihood conf confidence score prob probability certainty confiance confianza "
-    "confidenza wahrscheinlichkeit",
+    "likelihood": "likelihood likelihoods conf confidence confidences score scores prob probs "
+    "probability certainty confiance confianza confidenza wahrscheinlichkeit",
     "size": "radius area diameter",
-    "unseen": "lost missed missing occluded undetected verloren verdeckt perdu perdue perdido "
-    "perso verlies",
+    "unseen": "lost missed missing occluded undetected stale verloren verdeckt perdu perdue "
+    "perdido perso verlies",
     "seen": "detected found visible seen valid tracked erkannt gefunden sichtbar gueltig gültig "
     "detecte detecté détecté trouve trouvé trovato visto valido detectado encontrado gezien "
     "gevonden",
@@ -60,6 +60,10 @@ STATES = {  # words of a tracker about its ball, in a column of words
     **dict.fromkeys("tracked tracking found detected seen visible ok good valid locked".split(), 1),
     **dict.fromkeys("lost missing undetected occluded invalid searching bad predicted".split(), 0),
     **dict.fromkeys(("not found", "not_found", "notfound", "not detected", "no ball"), 0),
+}
+YES = {
+    **dict.fromkeys("yes ja oui sí si sim".split(), 1),
+    **dict.fromkeys("no nein non não nee".split(), 0),
 }
 STATED = "{} [seen]"  # the name of such a column, as of 1 and 0
 _AXES = {
@@ -99,7 +103,8 @@ def hints(names: Iterable[str], units: Mapping[str, str]) -> dict[str, Hint]:
     """What each of a file's names says, of which some tell what others mean: `roll_d` is the
     desired roll, but beside `roll_p` the derivative's share, and beside `roll_c` the fourth; beside
     `present_position` a position is a servo's, as bus servos call it; x, y, z and w of one stem are
-    parts of a quaternion, no angles and no places (a box in a picture has x, y, w and h)."""
+    parts of a quaternion, no angles and no places (a box in a picture has x, y, w and h); beside
+    an angle in another unit a pulse's width is a command."""
     split = {name: words_of(name) for name in names}
     others = {tuple(w[:i]) for w in split.values() for i in _letters(w) if w[i] != "d"}
     parts = Counter(tuple(w[:-1]) for w in split.values() if w and w[-1] in _QUATERNION)
@@ -115,6 +120,9 @@ def hints(names: Iterable[str], units: Mapping[str, str]) -> dict[str, Hint]:
             continue
         at = [i for i in _letters(words) if words[i] == "d" and tuple(words[:i]) not in others]
         read[name] = hint(f"desired {name}" if at else name, units.get(name))
+    if any(one.role in ("angle", "theta") and one.unit != "us" for one in read.values()):
+        pulses = [n for n, one in read.items() if one.role == "angle" and one.unit == "us"]
+        read |= {name: replace(read[name], role="command") for name in pulses}
     return read
 
 
@@ -247,7 +255,8 @@ def _role(words: list[str], roles: list[str], unit: str | None) -> str | None:
     numbers = all(_role_of(word) == "session" or word in _NUMBERING for word in words)
     if "session" in has and numbers:
         return "session"
-    plain = has - {"ball", *(["measured"] if "state" in words else [])}
+    beside = {"ball", "session", *(["measured"] * ("state" in words))}
+    plain = has - beside - ({"place"} if "likelihood" in has else set())  # but detected_pos_x
     if len(plain) == 1 and plain <= TELLING:
         return plain.pop()
     if words and words[-1] in ("stamp", "timestamp"):
@@ -262,8 +271,8 @@ def _role(words: list[str], roles: list[str], unit: str | None) -> str | None:
         return "time" if kind == "time" and "other" not in has and words[:1] == ["t"] else "other"
     if kind == "current" or "current" in has:
         return "current"
-    if has & {"share", "angle", "motor"} and unit == "us":
-        return "command"  # a pulse's width: no share of a supply, and no servo measures it
+    if "share" in has and unit == "us":
+        return "command"  # a pulse's width, not a share of a supply
     if "share" in has and "angle" not in has:
         return "share"
     if kind == "voltage" or "voltage" in has:

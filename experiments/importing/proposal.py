@@ -33,6 +33,7 @@ from experiments.importing.units import FACTORS, QUANTITIES, family
 from rig.log import CONTRACT
 from rig.log import NAMES as RECORDED
 
+ASKED = ("kind", "column", "seen")  # before all else, as what else is open depends on them
 JUMP_RAD_S = 25.0  # no servo turns faster: what jumps like that was commanded
 LATE_S = 0.06  # chosen: a servo's lag and dead time are longer, a camera's delay mostly shorter
 MOST_NAMELESS = 8  # chosen: more are a program's inner values, of which one may look like any other
@@ -124,7 +125,7 @@ def _proposal(draft: Draft) -> Proposal:
     }
     return Proposal(
         data,
-        tuple(sorted(draft.doubts, key=lambda doubt: doubt.key != "column")),
+        tuple(sorted(draft.doubts, key=lambda one: [*ASKED, one.key].index(one.key))),
         {line: tuple(texts) for line, texts in draft.reasons.items()},
         tuple(name for name in draft.stream.columns if name not in used),
     )

@@ -19,6 +19,7 @@ COARSEST = 1 / 1000  # of rows, those with a new stamp of whole seconds; chosen:
 # stands still for up to 50 of them, as of whole seconds at 50 Hz; chosen.
 FINE, RENEWED = 0.5, 0.02
 MIN_GROWING = 0.95  # share of steps forwards from which a column may be a clock
+OPEN = (None, "ball", "target", "other")  # of a column, where somebody said that it is an angle
 NAMES = {
     "ball": "ball_{}_m",
     "target": "target_{}_m",
@@ -289,3 +290,7 @@ def doubt_what_is_missing(
             )
         why = "no column is an angle by its name (commanded: command_x_rad, measured: theta_x_rad)"
         draft.doubt(["command_x_rad"], "column", why, *free[:8])
+    elif len(ball) == 2 and [draft.hints[name].role in OPEN for name in angles.values()] == [True]:
+        (one,) = angles
+        other = NAMES[one[:-2]].format("y" if one.endswith("x") else "x")
+        draft.doubt([other], "column", "the other axis' angle is open", *free[:8], "none")

@@ -10,15 +10,15 @@ from experiments.importing.names import hint, words_of
 from experiments.importing.recording import Stream
 
 LETTERS = "wxyz"
-LENGTH = 0.02  # how far from 1; chosen: three decimals of each part
+LENGTH = 0.02  # how far from their usual one; chosen: three decimals of each part
 STEEPEST = cos(radians(45))  # chosen: no ball stays on a plate that is steeper
 MOSTLY = 0.99  # chosen: of the rows
 _NUMBERED = {"q", "quat", "quaternion", "orientation", "rotation", "attitude"}
 
 
 def with_tilts(stream: Stream) -> Stream:
-    """The stream with two angles [rad] in place of four columns that are a quaternion of length 1
-    and by which a body tilts about level; told by its notes.
+    """The stream with two angles [rad] in place of four columns that are a quaternion of one
+    length, by which a body tilts about level; told by its notes.
 
     Which of the body's axes stands upright is that about which it turns least. A ball is no plate.
     """
@@ -29,7 +29,7 @@ def with_tilts(stream: Stream) -> Stream:
         if not found or one.explicit:
             continue
         asked = one.role in ("command", "target") or hint(f"{stem} angle").role == "command"
-        front = f"{stem} tilt about" if asked else f"{stem} measured tilt about"
+        front = f"{stem} tilt along" if asked else f"{stem} measured tilt along"
         new = {f"{front} {letter}".strip(): values for letter, values in found.items()}
         kept = {name: v for name, v in stream.columns.items() if name not in names}
         units = {**stream.units, **dict.fromkeys(new, "rad")}
@@ -59,13 +59,15 @@ def _fours(stream: Stream) -> Iterator[tuple[str, list[str]]]:
 
 
 def _tilts(parts: np.ndarray) -> Mapping[str, np.ndarray]:
-    """Tilts [rad] (n,) about two axes of the body, x, y or z, by its quaternion (4, n) in the order
-    of LETTERS; none where it is none, turns no more than a constant, or is not near level."""
+    """Tilts [rad] (n,) by which a ball rolls along two axes of the body, x, y or z, by its
+    quaternion (4, n) in the order of LETTERS; none where it is none, stands still, or is not near
+    level."""
     known = np.isfinite(parts).all(axis=0)
     lengths = np.linalg.norm(parts[:, known], axis=0)
-    if known.sum() < 2 or np.mean(np.abs(lengths - 1) < LENGTH) < MOSTLY:
+    whole = float(np.median(lengths)) if known.any() else 0.0  # 16384 of a sensor's whole numbers
+    if whole <= 0 or np.mean(np.abs(lengths / whole - 1) < LENGTH) < MOSTLY:
         return {}
-    w, *xyz = parts
+    w, *xyz = parts = parts / whole
     turns: dict[int, float] = {}
     ups = {}
     for up in range(3):
@@ -78,6 +80,6 @@ def _tilts(parts: np.ndarray) -> Mapping[str, np.ndarray]:
         return {}
     up = min(turns, key=lambda axis: turns[axis])
     along_a, along_b, along_c = ups[up]
-    letters = [LETTERS[1 + (up + i) % 3] for i in (1, 2)]
+    letters = [LETTERS[1 + (up + i) % 3] for i in (2, 1)]  # about one a ball rolls along the other
     tilts = (np.arctan2(along_b, along_c), np.arctan2(-along_a, along_c))
     return dict(sorted(zip(letters, tilts, strict=True)))

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from experiments.importing.names import STATES
+from experiments.importing.names import STATED, STATES, YES
 from experiments.importing.recording import BadFileError, Unreadable
 
 MARKS = (".", ",")
@@ -68,6 +68,7 @@ class NumberColumn:
         self._unreadable = dict.fromkeys(self._values, Unreadable())
         self._told: set[str] = set()
         self._short = False  # a whole number below 1000 stands in it
+        self._plain = False  # yes or no stands in it
         self._states: array[float] | None = array("d")  # while no number stands in it
 
     @property
@@ -93,7 +94,7 @@ class NumberColumn:
             self._told |= {_told(cell) for cell in cells}
             self._short |= any(cell.strip().lstrip("+-").isdigit() for cell in cells)
         if self._states is not None:
-            self._states.extend(STATES.get(cell.strip().lower(), np.nan) for cell in cells)
+            self._states.extend(self._state(cell.strip().lower()) for cell in cells)
             self._states = None if any(map(is_number, cells)) else self._states
         for mark, values in self._values.items():
             for cell in cells:
@@ -104,12 +105,17 @@ class NumberColumn:
         if len(self.sure) == 1:  # what does not agree with it from now on is unreadable
             self._values = {mark: self._values[mark] for mark in self.sure}
 
+    def _state(self, word: str) -> float:
+        self._plain |= word in YES
+        return STATES.get(word, YES.get(word, np.nan))
+
     @property
-    def states(self) -> np.ndarray | None:
-        """1 and 0 (n,) where the column is of words that say if there was a ball, NaN for others;
-        None where it is not."""
+    def states(self) -> dict[str, np.ndarray]:
+        """1 and 0 (n,) by its name where the column is of words that say yes or no, or of a name
+        that tells it where they say if there was a ball; NaN for other words."""
         found = np.array([] if self._states is None else self._states)
-        return found if {0.0, 1.0} <= {*found[np.isfinite(found)]} else None
+        name = self.name if self._plain else STATED.format(self.name)
+        return {name: found} if {0.0, 1.0} <= {*found[np.isfinite(found)]} else {}
 
     def numbers(self, sure: set[str]) -> tuple[np.ndarray, Unreadable]:
         """The column (n,) and what could not be read. sure: decimal marks of the table's columns.

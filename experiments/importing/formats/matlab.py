@@ -138,6 +138,9 @@ def _streams(name: str, tree: Mapping[str, Any]) -> Iterator[Stream]:
     for key, value in _simulink(tree).items():
         full = f"{name}.{key}" if name else key
         if isinstance(value, list):
+            if trials := _trials(full, value):
+                yield trials
+                continue
             value = _listed(value)
         if isinstance(value, Mapping):
             for stream in _streams(full, value):
@@ -163,6 +166,21 @@ def _streams(name: str, tree: Mapping[str, Any]) -> Iterator[Stream]:
         rest = {k: v for k, v in columns.items() if len(v) != rows}
         if rest:
             yield from _streams("", rest)
+
+
+def _trials(name: str, parts: list[Any]) -> Stream | None:
+    """The structs of an array of which each holds the signals of one trial, one after the other,
+    with a column that numbers them; None where they are none."""
+    each = [list(_streams(name, one)) if isinstance(one, Mapping) else [] for one in parts]
+    if len(parts) < 2 or any(len(one) != 1 or one[0].time is None for one in each):
+        return None
+    streams = [one[0] for one in each]
+    if len({tuple(stream.columns) for stream in streams}) > 1:
+        return None
+    session = f"{name}.trial"
+    columns = {k: np.concatenate([s.columns[k] for s in streams]) for k in streams[0].columns}
+    columns[session] = np.repeat(np.arange(len(streams)) + 1.0, [len(one) for one in streams])
+    return Stream(columns, time=streams[0].time, session=session)
 
 
 def _listed(parts: list[Any]) -> Any:

@@ -16,7 +16,6 @@ from experiments.importing.formats.encodings import encoding_of
 from experiments.importing.formats.head_rate import time_by_rate
 from experiments.importing.formats.labelled import is_labelled, labelled
 from experiments.importing.formats.long_form import LongForm
-from experiments.importing.names import STATED
 from experiments.importing.recording import (
     MAX_COLUMNS,
     TWICE,
@@ -29,10 +28,12 @@ from experiments.importing.units import canonical
 from experiments.records.csv_files import blocks_of, lines_of
 
 SEPARATORS = (" ", ",", "|", "\t", ";")  # the later, the less likely to mean anything else
+MOST_WORDS = 2.0  # beside a number; chosen: long form with a measurement, a field and two tags
 FOLLOWING = 10  # lines; chosen: half of a LabVIEW header, in which numbers stand among words
 ANNOTATIONS = ("#group", "#datatype", "#default")  # of InfluxDB's CSV, before each part of it
 PREAMBLE_LINES = 200  # chosen: LabVIEW's longest headers have some thirty lines
 MAX_BYTES = 1_000_000_000
+_STAMPED = re.compile(r"^(\d\d:\d\d:\d\d\.\d+) -> ")
 _REMARKS = {"", "Comment"}  # LabVIEW's last column, which rows without one have not
 _UNIT_CELL = re.compile(r"[\[(]?\s*[A-Za-zµμ°%/0-9^*·\s-]*\s*[\])]?")
 
@@ -99,7 +100,7 @@ def _table(lines: Iterator[str]) -> list[Stream]:
     sure = set().union(*(one.sure for one in found))
     numbers = {one.name: one.numbers(sure) for one in found}
     columns = {name: values for name, (values, _) in numbers.items()}
-    columns |= {STATED.format(one.name): one.states for one in found if one.states is not None}
+    columns |= {name: values for one in found for name, values in one.states.items()}
     told = None if clocks else time_by_rate(columns, head[:first])
     if told:
         columns, units = columns | dict([told]), units | {told[0]: "s"}
@@ -114,7 +115,9 @@ def _table(lines: Iterator[str]) -> list[Stream]:
 
 
 def _cells(lines: Iterable[str], separator: str) -> Iterator[list[str]]:
-    """Cells of every line. `csv.Error`: quotes that do not close, or a cell of absurd length."""
+    """Cells of every line, behind the time that a serial monitor puts before it (`10:02:03.456 ->
+    1,2`). `csv.Error`: quotes that do not close, or a cell of absurd length."""
+    lines = (_STAMPED.sub(rf"\1{separator}", line) for line in lines)
     if separator == " ":
         return (line.split() for line in lines)
     return csv.reader(lines, delimiter=separator)
@@ -128,8 +131,9 @@ def _split(lines: Sequence[str], separator: str) -> list[list[str]]:
         raise BadFileError(f"not readable as a table ({error})") from error
 
 
-def _layout(head: Sequence[str]) -> tuple[str, int]:
+def _layout(head: Sequence[str], words_each: float = 0.5) -> tuple[str, int]:
     """The separator, and the first line of the block of numbers, of the first lines of a file.
+    words_each: how many words a number may stand beside; MOST_WORDS where no line has fewer.
 
     The separator is the one with which the most lines behind the first numeric one look alike.
     BadFileError: no line begins a block of numbers.
@@ -141,7 +145,7 @@ def _layout(head: Sequence[str]) -> tuple[str, int]:
         if max(line.count(separator) for line in head) >= MAX_COLUMNS:
             check_size(0, max(line.count(separator) for line in head) + 1)
         rows = _split(head, separator)
-        numeric = [len(cells) > 1 and _mostly_numbers(cells) for cells in rows]
+        numeric = [len(cells) > 1 and _mostly_numbers(cells, words_each) for cells in rows]
         first = next((i for i, yes in enumerate(numeric) if yes and _begins(rows[i:])), None)
         if first is None:
             continue
@@ -150,6 +154,8 @@ def _layout(head: Sequence[str]) -> tuple[str, int]:
         found = ((round(sum(alike) / len(alike), 2), rank), separator, first)
         if best is None or found[0] > best[0]:
             best = found
+    if best is None and words_each < MOST_WORDS:
+        return _layout(head, MOST_WORDS)
     if best is None:
         raise BadFileError("no rows of numbers were found in it: one row a moment, one column each")
     return best[1], best[2]
@@ -167,12 +173,12 @@ def _begins(rows: Sequence[Sequence[str]]) -> bool:
     return words <= 1
 
 
-def _mostly_numbers(cells: Sequence[str]) -> bool:
-    """Whether a line is one of data: numbers stand in it, and at most half of the rest is words."""
+def _mostly_numbers(cells: Sequence[str], words_each: float) -> bool:
+    """Whether a line is one of data: numbers stand in it, and of words at most so many each."""
     if any(_several_numbers(cell) for cell in cells):
         return False
     numbers, words = _counts(cells)
-    return numbers >= 2 and words <= numbers / 2
+    return numbers >= 2 and words <= words_each * numbers
 
 
 def _counts(cells: Sequence[str]) -> tuple[int, int]:

@@ -6,6 +6,8 @@ import json
 import numpy as np
 import pytest
 
+from experiments.importing.absent_ball import jumps
+from experiments.importing.ball import MOST_JUMPS
 from experiments.importing.conversion import convert
 from experiments.importing.formats.choose import read_recording
 from experiments.importing.import_map import stated
@@ -57,7 +59,7 @@ def test_a_likelihood_of_another_point_is_not_the_balls():
     corner = {"corner1_x": SURE + 40, "corner1_y": SURE + 50, "corner1_likelihood": SURE[::-1]}
     stream = table({"servo_confidence": SURE[::-1], **corner, "ball_likelihood": SURE})
     np.testing.assert_array_equal(seen(stream), BALL)
-    np.testing.assert_array_equal(seen(table({"ball_radius_mm": 20 + SURE})), NEW)
+    np.testing.assert_array_equal(seen(table({"ball_radius_mm": 20 + SURE}), "ball.seen=none"), NEW)
 
 
 def test_a_number_that_is_no_share_or_rules_out_much_is_asked_about():
@@ -70,6 +72,33 @@ def test_a_number_that_is_no_share_or_rules_out_much_is_asked_about():
         np.testing.assert_array_equal(seen(table(more), f"ball.seen={name}>={limit}"), BALL)
     with pytest.raises(ValueError, match="no column 'lost'"):
         propose(table({}), stated(["ball.seen=lost < 1"]))
+
+
+def test_places_that_no_ball_can_be_at_are_asked_about():
+    (doubt,) = propose(table({})).doubts
+    assert (doubt.place, doubt.key, doubt.options) == ("ball", "seen", ("none",))
+    assert "jumps as none can" in doubt.why
+    np.testing.assert_array_equal(seen(table({}), "ball.seen=none"), NEW)
+
+
+def test_a_column_that_explains_the_jumps_is_offered():
+    age_ms = np.where(LOST, 20.0 * (1 + np.arange(ROWS) % 50), 0.0)
+    more = {"mode": np.arange(ROWS) % 3 + 0.0, "code": 2.0 * LOST, "age_ms": age_ms}
+    stream = table(more)
+    doubt = propose(stream).doubts[0]
+    assert doubt.options == ("code < 1", "age_ms < 1", "none")
+    np.testing.assert_array_equal(seen(stream, f"ball.seen={doubt.options[1]}"), BALL)
+
+
+def test_a_ball_that_is_pushed_hit_or_seen_seldom_does_not_jump():
+    places = [1e3 * one.seen for one in AXES]
+    assert jumps(places, AXES[0].t) == 0.0
+    coarse = [np.round(p / 4) * 4 for p in places]  # a touch panel
+    rare = [np.where(np.arange(ROWS) % 3, np.nan, p) for p in places]
+    held = [p[np.arange(ROWS) // 3 * 3] for p in places]  # a slower camera
+    walls = [np.abs((p + 20) % 80 - 40) for p in places]  # thrown back at rims
+    for columns in (coarse, rare, held, walls):
+        assert jumps(columns, AXES[0].t) <= MOST_JUMPS
 
 
 WORDS = np.where(LOST, "lost", np.where(np.arange(ROWS) % 2, "Tracked", "found"))

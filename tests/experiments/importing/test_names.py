@@ -34,7 +34,6 @@ from experiments.importing.names import hint, hints
         ("x_real", "ball", "x", None),
         ("act", None, None, None),
         ("joint_state.position[0]", "theta", None, None),
-        ("servo_x_us", "command", "x", "us"),
         ("ball_likelihood", "likelihood", None, None),
         ("detection.score", "likelihood", None, None),
         ("servo_confidence", "other", None, None),
@@ -47,6 +46,12 @@ def test_compounds_and_spelled_units(
 ):
     found = hint(name)
     assert (found.role, found.axis, found.unit) == (role, axis, unit)
+
+
+def test_beside_an_angle_in_degrees_a_pulse_is_a_command():
+    found = hints(["servo_x_us", "tilt_x_deg"], {})
+    assert [one.role for one in found.values()] == ["command", "angle"]
+    assert hints(["servo_x_us", "servo_y_us"], {})["servo_x_us"].role == "angle"
 
 
 def test_beside_a_present_position_a_position_is_a_servos():

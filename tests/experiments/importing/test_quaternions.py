@@ -49,7 +49,7 @@ def test_numbered_parts_begin_or_end_with_the_one_near_1(first: int, order: str)
 
 
 def test_an_axis_that_stands_upright_is_found():
-    parts = {f"Rotation {k.upper()}": v for k, v in attitude("z", "x", up="y").items()}
+    parts = {f"Rotation {k.upper()}": v for k, v in attitude("x", "z", up="y").items()}
     stream = lab(parts, ("Position X", "Position Z"))
     found = propose(stream)
     assert [(d.place, d.options) for d in found.doubts[:1]] == [

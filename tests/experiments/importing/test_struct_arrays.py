@@ -51,6 +51,20 @@ def test_a_struct_a_moment_is_a_row(tmp_path: Path, write):
     np.testing.assert_allclose(np.delete(place, 3, 0), np.delete(BALL, 3, 0))
 
 
+def test_a_struct_a_trial_is_a_session(tmp_path: Path):
+    from scipy.io import savemat
+
+    trials = np.zeros((1, 3), [("t", object), ("ball_mm", object)])
+    trials[0, :] = [(T, 10 * BALL), (T[:25], 20 * BALL[:25]), (T, 30 * BALL)]
+    savemat(tmp_path / "run.mat", {"exp": trials})
+    stream = read_recording(tmp_path / "run.mat").stream
+    assert (stream.time, stream.session, len(stream)) == ("exp.t", "exp.trial", 85)
+    np.testing.assert_allclose(stream.columns["exp.ball_mm[1]"][55:], 30 * BALL[:, 0])
+    trials[0, 1] = (T, np.zeros((0, 0)))  # without the ball: they stay apart
+    savemat(tmp_path / "run.mat", {"exp": trials})
+    assert "exp.3.ball_mm[1]" in read_recording(tmp_path / "run.mat").stream.columns
+
+
 def test_a_struct_a_setting_is_none(tmp_path: Path):
     from scipy.io import savemat
 
