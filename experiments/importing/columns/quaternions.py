@@ -80,6 +80,7 @@ def _tilts(parts: np.ndarray) -> Mapping[str, np.ndarray]:
         return {}
     up = min(turns, key=lambda axis: turns[axis])
     along_a, along_b, along_c = ups[up]
-    letters = [LETTERS[1 + (up + i) % 3] for i in (2, 1)]  # about one a ball rolls along the other
+    # About one axis a ball rolls along the other; where y stands upright, the second is z
+    letters = [LETTERS[1 + (up if i == 2 else i)] for i in ((up + 2) % 3, (up + 1) % 3)]
     tilts = (np.arctan2(along_b, along_c), np.arctan2(-along_a, along_c))
     return dict(sorted(zip(letters, tilts, strict=True)))

@@ -58,6 +58,7 @@ def test_an_axis_that_stands_upright_is_found():
     said = stated(["ball_y_m.column=Position Z", "ball.unit=m"])
     (log,) = convert(stream, propose(stream, said).map())
     np.testing.assert_allclose(np.abs(log["theta_x_rad"]), np.abs(X.angle), atol=2e-3)
+    np.testing.assert_allclose(np.abs(log["theta_y_rad"]), np.abs(Y.angle), atol=2e-3)
 
 
 def test_what_is_no_plates_attitude_is_left_as_it_is():
