@@ -15,11 +15,13 @@ LOST = ("absent", "absent_alone", "held_rows")  # where more may be in one of th
 
 def contradiction(made: ImportMap, found: Proposal) -> str:
     """What a file's own proposal says otherwise than the map, in words; "" for nothing. What the
-    file leaves in doubt says nothing, but for its time.
+    file leaves in doubt says nothing, but for its time, and for when its ball was seen, of which
+    the map says nothing.
     """
     doubts = {(doubt.place, doubt.key): doubt.why for doubt in found.doubts}
-    for (place, _), why in doubts.items():
-        if place == "time":
+    told = any(signal.seen for signal in made.signals.values())
+    for (place, key), why in doubts.items():
+        if place == "time" or (key == "seen" and not told):
             return why
     time = {**found.draft["time"]}
     for key in ("column", "unit"):

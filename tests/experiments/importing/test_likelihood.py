@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from experiments.importing.absent_ball import jumps
+from experiments.importing.agreement import contradiction
 from experiments.importing.ball import MOST_JUMPS
 from experiments.importing.conversion import convert
 from experiments.importing.formats.choose import read_recording
@@ -79,6 +80,15 @@ def test_places_that_no_ball_can_be_at_are_asked_about():
     assert (doubt.place, doubt.key, doubt.options) == ("ball", "seen", ("none",))
     assert "jumps as none can" in doubt.why
     np.testing.assert_array_equal(seen(table({}), "ball.seen=none"), NEW)
+
+
+def test_a_further_file_whose_ball_jumps_does_not_fit_the_map_of_a_clean_one():
+    clean = table({}).columns | {
+        f"ball_{a}_mm": 1e3 * one.seen for a, one in zip("xy", AXES, strict=True)
+    }
+    made = propose(Stream(clean)).map()
+    assert contradiction(made, propose(Stream(clean))) == ""
+    assert "jumps as none can" in contradiction(made, propose(table({})))
 
 
 def test_a_column_that_explains_the_jumps_is_offered():
