@@ -117,10 +117,12 @@ def _table(lines: Iterator[str]) -> list[Stream]:
 def _cells(lines: Iterable[str], separator: str) -> Iterator[list[str]]:
     """Cells of every line, behind the time that a serial monitor puts before it (`10:02:03.456 ->
     1,2`). `csv.Error`: quotes that do not close, or a cell of absurd length."""
-    lines = (_STAMPED.sub(rf"\1{separator}", line) for line in lines)
-    if separator == " ":
-        return (line.split() for line in lines)
-    return csv.reader(lines, delimiter=separator)
+    lines = (_STAMPED.sub(rf"\1{separator}", one) if " -> " in one else one for one in lines)
+    return (
+        (one.split() for one in lines)
+        if separator == " "
+        else csv.reader(lines, delimiter=separator)
+    )
 
 
 def _split(lines: Sequence[str], separator: str) -> list[list[str]]:
