@@ -10,7 +10,12 @@ from experiments.importing.recording import Stream
 from experiments.importing.units import canonical, factor, family
 
 ASKED = ("column", "unit", "sign")  # what the recordings of one rig have in common
-LOST = ("absent", "absent_alone", "held_rows")  # where more may be in one of them than in another
+LOST = (
+    "absent",
+    "absent_alone",
+    "held_rows",
+    "seen",
+)  # where more may be in one of them than in another
 
 
 def contradiction(made: ImportMap, found: Proposal) -> str:
@@ -52,12 +57,12 @@ def _turned(name: str, signal: Mapping[str, Any], own: SignalMap) -> bool:
     return size is not None and abs(signal.get("offset", 0.0) - own.offset) * size > pi
 
 
-def _covered(lost: int | tuple[float, ...], own: SignalMap) -> bool:
-    """Whether the map takes for no ball what a file's proposal does: some codes, or places that are
-    held for so many rows."""
+def _covered(lost: int | tuple[float | str, ...], own: SignalMap) -> bool:
+    """Whether the map takes for no ball what a file's proposal does: some codes, conditions of other
+    columns, or places that are held for so many rows."""
     if isinstance(lost, int):
         return not lost or own.held_rows > 0
-    return {*lost} <= {*own.absent, *own.absent_alone}
+    return {*lost} <= {*own.absent, *own.absent_alone, *own.seen}
 
 
 def other_unit(made: ImportMap, stream: Stream, said: Stated, first: Stream | None = None) -> str:

@@ -169,8 +169,9 @@ def _time_unit(draft: Draft, column: str) -> None:
 def columns_of(draft: Draft, role: str | None) -> list[str]:
     """Columns that names and units give a role (None: none), in the order of the file.
 
-    Constants are none, nor is what was stated to be something, nor a flag of 0 and 1 unless one is
-    asked for, and of seen and unseen nothing else.
+    Constants are none, but for those that say of every row that there was a ball: in another file
+    of the same program they may not. Nor is what was stated to be something, nor a flag of 0 and 1
+    unless one is asked for, and of seen and unseen nothing else.
     """
     taken = {keys.get("column") for keys in draft.said.values()} | {draft.time.get("column")}
     return [
@@ -178,7 +179,7 @@ def columns_of(draft: Draft, role: str | None) -> list[str]:
         for name, one in draft.hints.items()
         if one.role == role
         and name not in taken
-        and _changes(draft, name)
+        and (_changes(draft, name) or _says_seen(role, draft.values(name)))
         and (role in TELLING if is_flag(draft.values(name)) else role not in FLAGS)
     ]
 
@@ -186,6 +187,11 @@ def columns_of(draft: Draft, role: str | None) -> list[str]:
 def is_flag(values: np.ndarray) -> bool:
     """Whether a column (n,) says yes or no: 0 and 1, nothing else."""
     return set(values[np.isfinite(values)]) <= {0.0, 1.0}
+
+
+def _says_seen(role: str | None, values: np.ndarray) -> bool:
+    """Whether a column (n,) that tells of the ball says of every row that there was one."""
+    return role in TELLING and bool(np.all((values < 1) if role == "unseen" else (values > 0)))
 
 
 def _changes(draft: Draft, name: str) -> bool:
