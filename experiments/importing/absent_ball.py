@@ -17,7 +17,14 @@ HOLE = 5.0  # usual times between two known rows, over which a ball may come fro
 SUDDEN = 3.0  # times the ball's step before or after: one that was pushed moves on so fast
 USUAL, ROUGH = 0.7, 10.0  # chosen: a quarter may be wrong; a ball is seldom thrown back
 MIN_ROUGH = 50
-_CONDITION = re.compile(r"(.+?)\s*(>=|<)\s*(\d+(?:\.\d+)?)")
+_CONDITION = re.compile(r"(.+?)\s*([<>]=?)\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?)")
+_HOLDS = {
+    "": np.greater,
+    ">": np.greater,
+    ">=": np.greater_equal,
+    "<": np.less,
+    "<=": np.less_equal,
+}
 BEYOND = 2.0  # widths of the middle 90 % of the places, beyond which no ball comes in one step
 
 
@@ -190,37 +197,38 @@ def _candidates(stays: _Stays) -> list[tuple[float, ...]]:
 
 
 def jumps(columns: Sequence[np.ndarray], seconds: np.ndarray) -> float:
-    """Share of the rows at which no ball can be, by those beside them: its speed from place to
-    place changes there ROUGH times as much as noise and tilt change it. NaN where too little is
-    known without holes. columns: (n,) each; seconds (n,): when."""
+    """Share of the steps from place to place that no ball makes: it leaves the line between its
+    neighbours ROUGH times as far as noise and tilt take it, and is back on its way with the next
+    step; one that is pushed or thrown back goes on. NaN where too little is known without holes.
+    columns: (n,) each; seconds (n,): when."""
     points = np.column_stack(columns)
     known = np.isfinite(points).all(axis=1) & np.isfinite(seconds)
     points, seconds = points[known], seconds[known]
     moved = np.r_[True, np.any(points[1:] != points[:-1], axis=1)][: len(points)]
-    waits = np.diff(seconds[moved])
-    if len(waits) < MIN_ROUGH:
+    steps, waits = np.diff(points[moved], axis=0), np.diff(seconds[moved])[:, None]
+    near = (waits <= HOLE * np.median(waits)).ravel() if len(waits) else np.empty(0, bool)
+    if np.sum(near) < MIN_ROUGH:
         return np.nan
-    speeds = np.diff(points[moved], axis=0) / waits[:, None]
-    near = waits <= HOLE * np.median(waits)
-    changes = np.linalg.norm(np.diff(speeds, axis=0), axis=1)[near[1:] & near[:-1]]
-    if len(changes) < MIN_ROUGH:
-        return np.nan
-    return float(np.mean(changes > ROUGH * np.quantile(changes, USUAL)))
+    off = (steps[:-1] * waits[1:] - steps[1:] * waits[:-1]) / (waits[:-1] + waits[1:])
+    off[~(near[1:] & near[:-1])] = 0.0
+    far = np.linalg.norm(off, axis=1)
+    far = far > ROUGH * np.quantile(far[near[1:] & near[:-1]], USUAL)
+    back = np.sum(off[1:] * off[:-1], axis=1) < 0
+    return float(np.mean(far[1:] & far[:-1] & back))
 
 
 def seen_rows(columns: Mapping[str, np.ndarray], conditions: Iterable[str]) -> np.ndarray:
-    """Rows (n,) in which all conditions hold: `NAME` (more than 0), `NAME >= 0.6` or `NAME < 1`. A
+    """Rows (n,) in which all conditions hold: `NAME` (more than 0), `NAME >= 0.6`, `NAME < 1` ... A
     blank is no yes. columns: by name, (n,) each. KeyError: no column has that name."""
     seen = np.ones(len(next(iter(columns.values()))), bool)
     for condition in conditions:
         name, sign, limit = condition_of(condition)
-        values = columns[name]
-        seen &= values < limit if sign == "<" else values >= limit if sign else values > 0
+        seen &= _HOLDS[sign](columns[name], limit)
     return seen
 
 
 def condition_of(text: str) -> tuple[str, str, float]:
-    """The column, `>=`, `<` or nothing, and the limit of a condition."""
+    """The column, the sign (`>`, `>=`, `<`, `<=` or nothing), and the limit of a condition."""
     match = _CONDITION.fullmatch(text)
     return (match[1], match[2], float(match[3])) if match else (text, "", 0.0)
 

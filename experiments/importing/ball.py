@@ -20,9 +20,10 @@ from experiments.importing.roles import NAMES, columns_of
 
 LIKELY = 0.6  # the cut-off (pcutoff) that DeepLabCut writes into every new project
 SURELY = 1.2  # a detector's peak may be a little higher than that of the pictures it was taught
-MOST_JUMPS = 0.005  # chosen: of the rows; that a ball at the rim is hit so often is a wonder
+MOST_JUMPS = 0.0025  # chosen: of the steps; a place held twice in 16 s at 50 Hz makes so many
 MOST_LOST = 0.5  # chosen: of the rows, what a column may say that was lost
 FEWER = 5.0  # times fewer jumps are left by a column that tells of them
+OTHERWISE = {">": "<=", ">=": "<", "<": ">=", "<=": ">"}
 MOST_UNLIKELY = 0.25  # chosen: of the rows; a ball is on the table in more
 
 
@@ -74,10 +75,11 @@ def _doubt_jumps(
             continue
         for condition in (f"{name} < 1", name):
             lost = ~seen_rows(draft.stream.columns, [condition])
-            left = jumps(_blanked(columns, lost), draft.seconds)
-            if np.mean(lost) <= MOST_LOST and left <= min(MOST_JUMPS, share / FEWER):
+            if not 0 < np.mean(lost) <= MOST_LOST:
+                continue
+            if jumps(_blanked(columns, lost), draft.seconds) <= min(MOST_JUMPS, share / FEWER):
                 telling.append(",".join((*flags, condition)))
-    told = f"the ball's place jumps as none can in {100 * share:.1f} % of the rows"
+    told = f"the ball's place jumps as none can in {100 * share:.1f} % of its steps"
     why = f"{told}: which column says that it was lost (if none does, take those rows out)"
     draft.doubt(list(names), "seen", why, *telling[:4], "none")
     draft.because("ball", told)
@@ -107,7 +109,7 @@ def _flagged(
 def _otherwise(condition: str) -> str:
     """What holds where a condition does not."""
     name, sign, limit = condition_of(condition)
-    return f"{name} {'<' if sign == '>=' else '>='} {limit:g}" if sign else f"{name} is 0"
+    return f"{name} {OTHERWISE[sign]} {limit:g}" if sign else f"{name} is 0"
 
 
 def _told(draft: Draft, ball: Mapping[str, str]) -> Iterator[str]:

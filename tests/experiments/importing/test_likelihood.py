@@ -32,6 +32,9 @@ def table(more: dict[str, np.ndarray], ball=("ball_x_mm", "ball_y_mm")) -> Strea
     return Stream({"t": AXES[0].t, **dict(zip(ball, PLACES, strict=True)), **commands, **more})
 
 
+CLEAN = table({}).columns | {f"ball_{'xy'[i]}_mm": 1e3 * AXES[i].seen for i in (0, 1)}
+
+
 def seen(stream: Stream, *said: str) -> np.ndarray:
     """Rows (n,) in which the log that needs no question has a ball."""
     (log,) = convert(stream, propose(stream, stated(list(said))).map())
@@ -83,12 +86,23 @@ def test_places_that_no_ball_can_be_at_are_asked_about():
 
 
 def test_a_further_file_whose_ball_jumps_does_not_fit_the_map_of_a_clean_one():
-    clean = table({}).columns | {
-        f"ball_{a}_mm": 1e3 * one.seen for a, one in zip("xy", AXES, strict=True)
-    }
-    made = propose(Stream(clean)).map()
-    assert contradiction(made, propose(Stream(clean))) == ""
+    made = propose(Stream(CLEAN)).map()
+    assert contradiction(made, propose(Stream(CLEAN))) == ""
     assert "jumps as none can" in contradiction(made, propose(table({})))
+    told = contradiction(made, propose(table({"ball_lost": LOST.astype(float)})))
+    assert "seen is ('ball_lost < 1',), by which no ball is there" in told
+
+
+def test_a_flag_that_never_says_lost_is_kept_for_the_files_in_which_it_does():
+    for flag, ever in (("ball_lost", LOST), ("valid", ~LOST), ("confidence", 0.2 + ~LOST * 0.8)):
+        still = np.full(ROWS, float(flag != "ball_lost"))
+        made = propose(Stream(CLEAN | {flag: still})).map()
+        file = table({flag: ever.astype(float)})
+        (log,) = convert(file, made)
+        np.testing.assert_array_equal(np.isfinite(log["ball_x_m"]), BALL)
+        assert contradiction(made, propose(file)) == ""
+    unused = propose(Stream(CLEAN | {"valid": np.zeros(ROWS), "lost": np.ones(ROWS)}))
+    assert not unused.draft["signals"]["ball_x_m"]["seen"]
 
 
 def test_a_column_that_explains_the_jumps_is_offered():
@@ -107,8 +121,20 @@ def test_a_ball_that_is_pushed_hit_or_seen_seldom_does_not_jump():
     rare = [np.where(np.arange(ROWS) % 3, np.nan, p) for p in places]
     held = [p[np.arange(ROWS) // 3 * 3] for p in places]  # a slower camera
     walls = [np.abs((p + 20) % 80 - 40) for p in places]  # thrown back at rims
-    for columns in (coarse, rare, held, walls):
+    pushed = [p + 300 * np.abs(AXES[0].t % 2 - 1) for p in places]  # each second, by 600 mm/s
+    for columns in (coarse, rare, held, walls, pushed):
         assert jumps(columns, AXES[0].t) <= MOST_JUMPS
+    late = AXES[0].t + np.random.default_rng(0).uniform(0, 0.018, ROWS)
+    late_places = [np.interp(late, AXES[0].t, p) for p in places]
+    assert jumps(late_places, late) <= MOST_JUMPS
+
+
+@pytest.mark.parametrize("condition", ["err < -2.5", "err <= -3", "err<-0.25e1"])
+def test_a_condition_may_be_of_any_number(condition: str):
+    errors = np.where(LOST, 0.5, -3.0)
+    np.testing.assert_array_equal(seen(table({"err": errors}), f"ball.seen={condition}"), BALL)
+    above = condition.replace("<", ">").replace("-", "")
+    np.testing.assert_array_equal(seen(table({"err": -errors}), f"ball.seen={above}"), BALL)
 
 
 WORDS = np.where(LOST, "lost", np.where(np.arange(ROWS) % 2, "Tracked", "found"))
