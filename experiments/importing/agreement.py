@@ -58,8 +58,8 @@ def _turned(name: str, signal: Mapping[str, Any], own: SignalMap) -> bool:
 
 
 def _covered(lost: int | tuple[float | str, ...], own: SignalMap) -> bool:
-    """Whether the map takes for no ball what a file's proposal does: some codes, conditions of other
-    columns, or places that are held for so many rows."""
+    """Whether the map takes for no ball what a file's proposal does: some codes, other columns'
+    conditions, or places that are held for so many rows."""
     if isinstance(lost, int):
         return not lost or own.held_rows > 0
     return {*lost} <= {*own.absent, *own.absent_alone, *own.seen}

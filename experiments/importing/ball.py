@@ -15,7 +15,7 @@ from experiments.importing.absent_ball import (
     seen_rows,
 )
 from experiments.importing.draft import Draft
-from experiments.importing.names import belongs
+from experiments.importing.names import belongs, is_strange
 from experiments.importing.roles import NAMES, columns_of
 
 LIKELY = 0.6  # the cut-off (pcutoff) that DeepLabCut writes into every new project
@@ -95,8 +95,7 @@ def _flagged(
     """The ball's columns, NaN where another column says that there was none; the conditions under
     which there was one, as of `seen_rows`, by columns that bear a name for it, or as stated."""
     stated = [draft.said[name]["seen"] for name in names if draft.is_said(name, "seen")]
-    found = () if stated or not ball else (*_told(draft, ball), *_likely(draft, ball, names))
-    flags = stated[0] if stated else found
+    flags = stated[0] if stated else _conditions(draft, ball, names) if ball else ()
     for flag in flags:
         draft.values(condition_of(flag)[0])
     lost = ~seen_rows(draft.stream.columns, flags)
@@ -112,6 +111,22 @@ def _otherwise(condition: str) -> str:
     return f"{name} {OTHERWISE[sign]} {limit:g}" if sign else f"{name} is 0"
 
 
+def _conditions(draft: Draft, ball: Mapping[str, str], names: Sequence[str]) -> tuple[str, ...]:
+    """The conditions that names tell; a doubt of those that may be of another thing."""
+    open_ = dict(_likely(draft, ball))
+    told = [*_told(draft, ball), *open_]
+    for condition in told:
+        name = condition_of(condition)[0]
+        if is_strange(name) and not belongs(name, ball.values()):
+            open_[condition] = f"does {name} tell of the ball"
+    lost = {one: ~seen_rows(draft.stream.columns, [one]) for one in told}
+    told = [one for one in told if lost[one].any() or not open_.get(one)]
+    if asked := [why for one, why in open_.items() if why and one in told]:
+        sure = ",".join(one for one in told if not open_.get(one)) or "none"
+        draft.doubt(list(names), "seen", "; ".join(asked), ",".join(told), sure)
+    return tuple(told)
+
+
 def _told(draft: Draft, ball: Mapping[str, str]) -> Iterator[str]:
     """Yield what flags say, and the size of what was seen where that may be 0."""
     yield from columns_of(draft, "seen")
@@ -120,20 +135,18 @@ def _told(draft: Draft, ball: Mapping[str, str]) -> Iterator[str]:
     yield from (size for size in sizes if np.any(draft.values(size) <= 0))
 
 
-def _likely(draft: Draft, ball: Mapping[str, str], names: Sequence[str]) -> tuple[str, ...]:
-    """What a detector's likelihoods say; a doubt where it is no share, or rules out many rows."""
-    found = []
+def _likely(draft: Draft, ball: Mapping[str, str]) -> Iterator[tuple[str, str]]:
+    """Yield what a detector's likelihoods say; why it is in doubt where it is no share, or rules
+    out many rows, else ""."""
     for column in _of_the_ball(draft, "likelihood", ball):
         values = draft.values(column)
         low, high = np.nanmin(values), np.nanmax(values)
         per_cent = draft.hints[column].unit == "1/100"
         least = LIKELY * (100 if high > SURELY else 1)
-        found.append(f"{column} >= {least:g}")
         share = low >= 0 and high <= SURELY * (100 if per_cent else 1)
-        if not share or np.mean(~(values >= least)) > MOST_UNLIKELY:
-            why = f"{column} runs from {low:g} to {high:g}: from where on is it the ball"
-            draft.doubt(list(names), "seen", why, ",".join(found), "none")
-    return tuple(found)
+        sure = share and np.mean(~(values >= least)) <= MOST_UNLIKELY
+        why = f"{column} runs from {low:g} to {high:g}: from where on is it the ball"
+        yield f"{column} >= {least:g}", "" if sure else why
 
 
 def _of_the_ball(draft: Draft, role: str, ball: Mapping[str, str]) -> list[str]:

@@ -56,6 +56,10 @@ STEMS = {  # of words that languages end in many ways
 }
 FLAGS = {"seen", "unseen"}  # that there was a ball, or none
 TELLING = FLAGS | {"likelihood", "size"}
+DETECTORS = {  # words of what sees a ball, or of what it sees
+    *"detection detector detect track tracker tracking camera cam vision image img picture".split(),
+    *"blob circle contour marble object instance keypoint pose touch status is was has no".split(),
+}
 STATES = {  # words of a tracker about its ball, in a column of words
     **dict.fromkeys("tracked tracking found detected seen visible ok good valid locked".split(), 1),
     **dict.fromkeys("lost missing undetected occluded invalid searching bad predicted".split(), 0),
@@ -124,6 +128,12 @@ def hints(names: Iterable[str], units: Mapping[str, str]) -> dict[str, Hint]:
         pulses = [n for n, one in read.items() if one.role == "angle" and one.unit == "us"]
         read |= {name: replace(read[name], role="command") for name in pulses}
     return read
+
+
+def is_strange(name: str) -> bool:
+    """Whether a word that says nothing here stands in a name: `lost` of a `packet` is no ball's."""
+    known = (_role_of(w) or w in _AXES or w in DETECTORS or canonical(w) for w in words_of(name))
+    return not all(one or word.isdigit() for one, word in zip(known, words_of(name), strict=True))
 
 
 def belongs(name: str, to: Iterable[str]) -> bool:

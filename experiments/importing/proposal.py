@@ -100,6 +100,12 @@ def _by_own_names(stream: Stream, said: Stated) -> tuple[Stated, Stream]:
     return {**said, **named}, replace(stream, columns=kept)
 
 
+def _rank(doubt: Doubt) -> tuple[bool, bool, int]:
+    """Which doubts are asked first: the keys ASKED, of the ball before what it tells."""
+    first = doubt.key in ASKED
+    return not first, first and family(doubt.place) != "ball", [*ASKED, doubt.key].index(doubt.key)
+
+
 def _proposal(draft: Draft) -> Proposal:
     """What was found; signals that were stated in full are taken as they are."""
     for name, keys in draft.said.items():
@@ -125,7 +131,7 @@ def _proposal(draft: Draft) -> Proposal:
     }
     return Proposal(
         data,
-        tuple(sorted(draft.doubts, key=lambda one: [*ASKED, one.key].index(one.key))),
+        tuple(sorted(draft.doubts, key=_rank)),
         {line: tuple(texts) for line, texts in draft.reasons.items()},
         tuple(name for name in draft.stream.columns if name not in used),
     )

@@ -78,6 +78,32 @@ def test_a_number_that_is_no_share_or_rules_out_much_is_asked_about():
         propose(table({}), stated(["ball.seen=lost < 1"]))
 
 
+@pytest.mark.parametrize(
+    ("name", "condition"),
+    [
+        ("packets_lost", "packets_lost < 1"),
+        ("deadline_missed", "deadline_missed < 1"),
+        ("crc_valid", "crc_valid"),
+        ("hole_area", "hole_area"),
+    ],
+)
+def test_a_flag_that_may_be_of_another_thing_is_asked_about(name: str, condition: str):
+    of_it = (np.arange(ROWS) % 9 == 0) ^ (condition == name)
+    stream = table({"lost": 1.0 * LOST, name: 1.0 * of_it})
+    (doubt,) = propose(stream).doubts
+    assert (doubt.place, doubt.key, doubt.options[1]) == ("ball", "seen", "lost < 1")
+    assert {*doubt.options[0].split(",")} == {"lost < 1", condition}
+    np.testing.assert_array_equal(seen(stream, "ball.seen=lost < 1"), BALL)
+    never = Stream(stream.columns | {name: np.full(ROWS, 1.0 * (condition == name))})
+    np.testing.assert_array_equal(seen(never), BALL)
+
+
+def test_a_likelihood_in_doubt_leaves_the_flags_and_is_asked_before_the_angles_columns():
+    stream = table({"lost": 1.0 * LOST, "score": np.floor(np.arange(ROWS) / 100)})
+    doubt = propose(stream).doubts[0]
+    assert (doubt.key, doubt.options) == ("seen", ("lost < 1,score >= 60", "lost < 1"))
+
+
 def test_places_that_no_ball_can_be_at_are_asked_about():
     (doubt,) = propose(table({})).doubts
     assert (doubt.place, doubt.key, doubt.options) == ("ball", "seen", ("none",))
