@@ -40,6 +40,7 @@ class LongForm:
         if len(self._series) < 2 or time is None:
             return [stream]
         each = [rows == i for i in range(len(self._series))]
+        more = {name for name in more if np.any(np.diff(columns[name]) != 1)}  # but rows' numbers
         if any(np.ptp(columns[name][one]) > 0 for name in more for one in each):
             return [stream]
         kinds = [len({*words}) for words in zip(*self._series, strict=True)]

@@ -59,6 +59,13 @@ def test_a_melted_table_with_decimal_commas_or_points(tmp_path: Path, separator:
     assert len(stream) == len(T)
 
 
+def test_rows_that_are_numbered_as_pandas_does(tmp_path: Path):
+    each = [(t, " ".join(name), v[i]) for name, v in SERIES.items() for i, t in enumerate(T)]
+    rows = "".join(f"{i},{t},{name},{value:.6f}\n" for i, (t, name, value) in enumerate(each))
+    stream = read(tmp_path, f",time,variable,value\n{rows}")
+    assert list(stream.columns) == ["time", "ball x_mm", "ball y_mm", "servo x_deg"]
+
+
 def test_a_series_that_misses_moments(tmp_path: Path):
     rows = [f"{t},ball,{i}\n" for i, t in enumerate(T)]
     rows += [f"{t},servo,{i}\n" for i, t in enumerate(T) if i % 2]
