@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from math import cos, radians
+from math import cos, radians, sin
 
 import numpy as np
 
@@ -13,6 +13,9 @@ LETTERS = "wxyz"
 LENGTH = 0.02  # how far from their usual one; chosen: three decimals of each part
 STEEPEST = cos(radians(45))  # chosen: no ball stays on a plate that is steeper
 MOSTLY = 0.99  # chosen: of the rows
+# Of the length; a first part that is less is a tilt's. Chosen: a plate tilts by less than 30
+# degrees as a rule, and seldom stands turned by more than 150
+MIN_W = sin(radians(15))
 _NUMBERED = {"q", "quat", "quaternion", "orientation", "rotation", "attitude"}
 
 
@@ -40,7 +43,7 @@ def with_tilts(stream: Stream) -> Stream:
 
 def _fours(stream: Stream) -> Iterator[tuple[str, list[str]]]:
     """Yield the stem, and columns by LETTERS, of names that are alike but for a last w, x, y, z; or
-    of a quaternion's numbers, of which the first is w, or the last where the body is near it."""
+    of a quaternion's numbers, of which the first is w, or the last where the first is a tilt's."""
     groups: dict[tuple[str, ...], dict[str, str]] = {}
     for name in stream.columns:
         *stem, last = words_of(name) or [""]
@@ -54,8 +57,9 @@ def _fours(stream: Stream) -> Iterator[tuple[str, list[str]]]:
         for start in (0, 1) if _NUMBERED & {*words[-1:]} else ():
             each = [names.get(str(start + i), "") for i in range(4)]
             if all(each):
-                first, last = (np.nanmedian(np.abs(stream.columns[each[i]])) for i in (0, 3))
-                yield stem, each if first >= last else [each[3], *each[:3]]
+                parts = np.array([stream.columns[name] for name in each])
+                w_first = np.nanmedian(np.abs(parts[0]) / np.linalg.norm(parts, axis=0)) >= MIN_W
+                yield stem, each if w_first else [each[3], *each[:3]]
 
 
 def _tilts(parts: np.ndarray) -> Mapping[str, np.ndarray]:

@@ -40,9 +40,12 @@ def test_a_quaternion_is_two_measured_angles(name: str, turned: float):
     np.testing.assert_allclose(log["theta_y_rad"], Y.angle, atol=2e-3)
 
 
+@pytest.mark.parametrize("turned", [0.0, 2.0, -1.7])
 @pytest.mark.parametrize(("first", "order"), [(0, "wxyz"), (0, "xyzw"), (1, "wxyz")])
-def test_numbered_parts_begin_or_end_with_the_one_near_1(first: int, order: str):
-    parts = attitude("x", "y")
+def test_numbered_parts_begin_with_w_unless_the_first_is_small(
+    first: int, order: str, turned: float
+):
+    parts = attitude("x", "y", turned)
     stream = lab({f"q{first + i}": parts[k] for i, k in enumerate(order)})
     (log,) = convert(stream, propose(stream).map())
     np.testing.assert_allclose(log["theta_x_rad"], X.angle, atol=2e-3)
