@@ -185,7 +185,8 @@ def _trials(name: str, parts: list[Any]) -> Stream | None:
 
 def _listed(parts: list[Any]) -> Any:
     """What a cell or an array of structs holds: fields of n moments, or the numbers (n, k) of n
-    moments, as version 7.3 keeps a field; else the parts by their numbers."""
+    moments, as version 7.3 keeps a field, NaN where one has fewer than k; None for words; else the
+    parts by their numbers."""
     if len(parts) < MIN_ROWS or not all(map(_is_moment, parts)):
         return {str(i + 1): one for i, one in enumerate(parts)}
     if any(isinstance(one, Mapping) for one in parts):
@@ -193,11 +194,13 @@ def _listed(parts: list[Any]) -> Any:
         return {
             key: [one.get(key) for one in moments] for key in {k: 0 for m in moments for k in m}
         }
-    widths = {np.size(one) for one in parts if one is not None} - {0}
-    if len(widths) != 1:
+    if any(isinstance(one, str) for one in parts):
         return None
-    blank = np.full(widths.pop(), np.nan)
-    return np.array([blank if one is None or not np.size(one) else np.ravel(one) for one in parts])
+    each = [np.empty(0) if one is None else np.ravel(one) for one in parts]
+    table = np.full((len(each), max(map(len, each))), np.nan)
+    for row, one in zip(table, each, strict=True):
+        row[: len(one)] = one
+    return table
 
 
 def _is_moment(part: Any) -> bool:

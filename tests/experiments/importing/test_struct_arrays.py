@@ -73,3 +73,16 @@ def test_a_struct_a_setting_is_none(tmp_path: Path):
     savemat(tmp_path / "run.mat", {"gains": gains})
     with pytest.raises(BadFileError, match="no array of 20 rows"):
         read_recording(tmp_path / "run.mat")
+
+
+def test_a_moment_with_more_numbers_than_others_leaves_the_rest(tmp_path: Path):
+    from scipy.io import savemat
+
+    moments = np.zeros((1, len(T)), [("t", object), ("ball", object), ("none", object)])
+    for i, t in enumerate(T):
+        moments[0, i] = (t, np.append(BALL[i], [7.0] * (i == 4)), np.zeros((0, 0)))
+    savemat(tmp_path / "run.mat", {"log": moments})
+    columns = read_recording(tmp_path / "run.mat").stream.columns
+    assert list(columns) == ["log.t", *(f"log.ball[{i}]" for i in (1, 2, 3))]
+    np.testing.assert_allclose(columns["log.ball[2]"], BALL[:, 1])
+    assert np.isfinite(columns["log.ball[3]"]).tolist() == [i == 4 for i in range(len(T))]
