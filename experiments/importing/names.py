@@ -58,7 +58,8 @@ FLAGS = {"seen", "unseen"}  # that there was a ball, or none
 TELLING = FLAGS | {"likelihood", "size"}
 DETECTORS = {  # words of what sees a ball, or of what it sees
     *"detection detector detect track tracker tracking camera cam vision image img picture".split(),
-    *"blob circle contour marble object instance keypoint pose touch status flag is was has no".split(),
+    *"blob circle contour marble object instance keypoint pose touch status flag".split(),
+    *"is was has no".split(),
 }
 STATES = {  # words of a tracker about its ball, in a column of words
     **dict.fromkeys("tracked tracking found detected seen visible ok good valid locked".split(), 1),
