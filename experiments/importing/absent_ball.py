@@ -15,7 +15,7 @@ NEAR = 2.0  # so far a ball may move: between NEAR and FAR it cannot be told
 LONGER = 3.0  # times the longest stay anywhere else: no ball rests so much better in one place
 HOLE = 5.0  # usual times between two known rows, over which a ball may come from anywhere
 SUDDEN = 3.0  # times the ball's step before or after: one that was pushed moves on so fast
-USUAL, ROUGH = 0.7, 10.0  # chosen: a quarter may be wrong; a ball is seldom thrown back
+USUAL, ROUGH = 0.7, 10.0  # chosen: a quarter may be wrong; noise of ten times is none
 MIN_ROUGH = 50
 _CONDITION = re.compile(r"(.+?)\s*([<>]=?)\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?)")
 _HOLDS = {
@@ -205,14 +205,18 @@ def jumps(columns: Sequence[np.ndarray], seconds: np.ndarray) -> float:
     known = np.isfinite(points).all(axis=1) & np.isfinite(seconds)
     points, seconds = points[known], seconds[known]
     moved = np.r_[True, np.any(points[1:] != points[:-1], axis=1)][: len(points)]
-    steps, waits = np.diff(points[moved], axis=0), np.diff(seconds[moved])[:, None]
-    near = (waits <= HOLE * np.median(waits)).ravel() if len(waits) else np.empty(0, bool)
-    if np.sum(near) < MIN_ROUGH:
+    if np.sum(moved) < MIN_ROUGH:
         return np.nan
-    off = (steps[:-1] * waits[1:] - steps[1:] * waits[:-1]) / (waits[:-1] + waits[1:])
-    off[~(near[1:] & near[:-1])] = 0.0
+    steps, waits = np.diff(points[moved], axis=0), np.diff(seconds[moved])[:, None]
+    near = ((waits > 0) & (waits <= HOLE * np.median(waits))).ravel()
+    known = near[1:] & near[:-1]
+    if np.sum(known) < MIN_ROUGH:
+        return np.nan
+    before, after = waits[:-1][known], waits[1:][known]
+    off = np.zeros((len(known), points.shape[1]))
+    off[known] = (steps[:-1][known] * after - steps[1:][known] * before) / (before + after)
     far = np.linalg.norm(off, axis=1)
-    far = far > ROUGH * np.quantile(far[near[1:] & near[:-1]], USUAL)
+    far = far > ROUGH * np.quantile(far[known], USUAL)
     back = np.sum(off[1:] * off[:-1], axis=1) < 0
     return float(np.mean(far[1:] & far[:-1] & back))
 

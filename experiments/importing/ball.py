@@ -20,7 +20,7 @@ from experiments.importing.roles import NAMES, columns_of
 
 LIKELY = 0.6  # the cut-off (pcutoff) that DeepLabCut writes into every new project
 SURELY = 1.2  # a detector's peak may be a little higher than that of the pictures it was taught
-MOST_JUMPS = 0.0025  # chosen: of the steps; a place held twice in 16 s at 50 Hz makes so many
+MOST_JUMPS = 0.0025  # chosen: of the steps; one place away, to and back, in 16 s at 50 Hz
 MOST_LOST = 0.5  # chosen: of the rows, what a column may say that was lost
 FEWER = 5.0  # times fewer jumps are left by a column that tells of them
 OTHERWISE = {">": "<=", ">=": "<", "<": ">=", "<=": ">"}

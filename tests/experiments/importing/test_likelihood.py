@@ -155,6 +155,14 @@ def test_a_ball_that_is_pushed_hit_or_seen_seldom_does_not_jump():
     assert jumps(late_places, late) <= MOST_JUMPS
 
 
+def test_jumps_are_found_beside_stamps_that_stand_still_and_holes():
+    t = AXES[0].t - np.where(np.arange(ROWS) % 40 < 3, np.arange(ROWS) % 40, 0) * 0.02
+    assert jumps(PLACES, t) > MOST_JUMPS
+    rows = np.arange(200.0)
+    assert np.isnan(jumps([rows, rows], np.cumsum(np.where(rows % 2, 0.02, 0.2))))
+    assert np.isnan(jumps([p[:0] for p in PLACES], t[:0]))
+
+
 @pytest.mark.parametrize("condition", ["err < -2.5", "err <= -3", "err<-0.25e1"])
 def test_a_condition_may_be_of_any_number(condition: str):
     errors = np.where(LOST, 0.5, -3.0)
