@@ -58,6 +58,7 @@ def ended_unheard(
         yield
     finally:
         signal.set_wakeup_fd(before)
+        writes.shutdown(socket.SHUT_WR)  # a copy of this process that lives on has this end, too
         writes.close()
         thread.join()
         reads.close()
@@ -70,7 +71,7 @@ def _watch(
     say: Callable[[str], None],
     came: Callable[[int], None],
 ) -> None:
-    """Wait for signals until the other end is closed."""
+    """Wait for signals until the other end is shut."""
     while numbers := reads.recv(64):
         known = [number for number in numbers if signal.getsignal(number) in handlers]
         for number in known:

@@ -108,6 +108,25 @@ with leave_on_signals(print), stop_on_signals(Slot()):
     assert (done.returncode, done.stdout) == (0, b"begun ")
 
 
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no copy of the program there")
+def test_a_copy_that_lives_on_does_not_keep_the_program():
+    """As of a lab's controller that begins a server of its own and leaves it behind."""
+    text = """
+import os, time
+from rig.loop.signals import leave_on_signals
+
+with leave_on_signals(print):
+    if os.fork() == 0:
+        os.setsid()
+        os.closerange(0, 3)
+        time.sleep(20)
+        os._exit(0)
+"""
+    began_s = time.monotonic()
+    subprocess.run([sys.executable, "-c", text], capture_output=True, timeout=60, check=True)
+    assert time.monotonic() - began_s < 15
+
+
 def test_what_is_left_in_time_leaves_no_thread_and_the_former_socket():
     import threading
 
