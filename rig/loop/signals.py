@@ -15,7 +15,7 @@ from contextlib import contextmanager, suppress
 from typing import NoReturn, Protocol
 
 from rig.loop.commands import Command, Stop
-from rig.loop.compiling import when_compiled
+from rig.loop.compiling import compiles, when_compiled
 from rig.loop.unheard import ended_unheard
 
 NAMES = ("SIGTERM", "SIGHUP", "SIGBREAK")
@@ -78,15 +78,16 @@ def leave_on_signals(say: Callable[[str], None]) -> Iterator[None]:
     begun (`stop_on_signals`). In numba's compiler it waits for the function that is compiled now
     (`rig.loop.compiling`). say: gets a line for a person; what it cannot say (to a terminal that
     is gone) is left out. It is called in the midst of anything, of an import too, so it must import
-    nothing. A signal that nothing hears, since compiled code does not return, ends the program
-    (`rig.loop.unheard`).
+    nothing. A signal that nothing hears, since compiled code or the compiler does not return, ends
+    the program (`rig.loop.unheard`).
     """
     _raised_s[0], is_told, timers = -math.inf, False, []
     tell = _Teller(say)
 
     def handle(number: int, _: object) -> None:
         nonlocal is_told
-        _heard_s[0] = time.monotonic()
+        if not compiles():  # else it is heard once the compiler is left
+            _heard_s[0] = time.monotonic()
         _leaving.append(number)
         if time.monotonic() - _raised_s[0] < LEAVING_S:
             return
@@ -166,7 +167,7 @@ def _swallowed_in_silence(again: Callable[[], None]) -> Iterator[None]:
 def leave_if_told() -> None:
     """Leave the program by a signal of `leave_on_signals` that something swallowed."""
     if _leaving and threading.current_thread() is threading.main_thread():
-        _raised_s[0] = time.monotonic()
+        _heard_s[0] = _raised_s[0] = time.monotonic()
         end_by(_leaving[-1])
 
 

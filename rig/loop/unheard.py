@@ -1,5 +1,6 @@
 """A signal that the program cannot hear: compiled code that does not return keeps Python from
-calling the handler, so that neither Ctrl-C nor SIGTERM would end it.
+calling the handler, so that neither Ctrl-C nor SIGTERM would end it, or the compiler from leaving
+by what it raises (`rig.loop.compiling`).
 
 The system's part of a handler still runs: it writes the signal's number to a socket, which a thread
 reads (`signal.set_wakeup_fd`).
@@ -40,8 +41,8 @@ def ended_unheard(
     thread.
 
     came: called at once with every such signal, in a thread: the main one may stand still, in a
-    write to a disk that hangs. heard_s: when one of `handlers` ran last, on the monotonic clock;
-    signals of others are left alone. One that ran in the UNHEARD_S before counts: two signals may
+    write to a disk that hangs. heard_s: when one of `handlers` heard one last, on the monotonic
+    clock; signals of others are left alone. One in the UNHEARD_S before counts: two signals may
     come as one. Processes that look after a table level it as they see this one end.
     """
     reads, writes = socket.socketpair()
@@ -84,8 +85,8 @@ def _watch(
             name = signal.Signals(known[0]).name
             with suppress(Exception):
                 say(
-                    f"ended by {name}, which compiled code did not hear for {UNHEARD_S:.0f} s (an "
-                    "equation of an own effect that does not return?); `rig recover` mends a "
-                    "recording that was cut off"
+                    f"ended by {name}, which compiled code did not hear for {UNHEARD_S:.0f} s (one "
+                    "is being compiled, or an equation of an own effect does not return?); `rig "
+                    "recover` mends a recording that was cut off"
                 )
             os._exit(128 + known[0])

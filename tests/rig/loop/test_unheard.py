@@ -127,6 +127,24 @@ with leave_on_signals(print):
     assert time.monotonic() - began_s < 15
 
 
+def test_a_signal_while_one_function_is_compiled_for_minutes_ends_the_program():
+    """The compiler must not be left by what a handler raises; it is not waited for without end."""
+    text = """
+import signal, time
+from numba.core.compiler_lock import global_compiler_lock
+from rig.loop import unheard
+from rig.loop.signals import leave_on_signals
+
+unheard.UNHEARD_S = 0.5
+with leave_on_signals(print):
+    with global_compiler_lock:
+        signal.raise_signal(signal.SIGTERM)
+        time.sleep(30)
+"""
+    done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stdout.count("being compiled")) == (143, 1)
+
+
 def test_what_is_left_in_time_leaves_no_thread_and_the_former_socket():
     import threading
 
