@@ -70,6 +70,28 @@ class _JsonFactory(McapDecoderFactory):
 
 
 @pytest.mark.parametrize("finished", [True, False])
+@pytest.mark.parametrize("damage", [b"\xc9", bytes(2048)])
+def test_a_file_whose_first_bytes_are_damaged_keeps_its_rows(finished: bool, damage: bytes):
+    """One flipped bit there, or a first block that a power cut left empty: none was read."""
+    rows = example(CHUNK_ROWS + 10)
+    data = finished_file(rows, EVENTS, START_NS) if finished else plain_file(rows)
+    found = read_samples(damage + data[len(damage) :])
+    lost = -(-len(damage) // RECORD.itemsize)
+    assert len(found.rows) >= len(rows) - lost
+    np.testing.assert_array_equal(found.rows, rows[-len(found.rows) :])
+    assert found.unread >= len(MAGIC)
+    assert not found.complete
+
+
+@pytest.mark.parametrize(
+    "data", [b"t_s,theta_x_rad\n", bytes(10**5), b"\x89HDF\r\n\x1a\n" + bytes(999)]
+)
+def test_what_is_no_recording_is_told_so(data: bytes):
+    with pytest.raises(ValueError, match="does not start like an MCAP file"):
+        read_samples(data)
+
+
+@pytest.mark.parametrize("finished", [True, False])
 def test_the_official_reader_sees_every_value_at_its_time(finished):
     rows = example(CHUNK_ROWS + 10)
     data = finished_file(rows, EVENTS, START_NS) if finished else plain_file(rows)
