@@ -35,6 +35,7 @@ from rig.loop.shared_channel import (
 from rig.loop.signals import stop_on_signals
 from rig.operator import Operator
 from rig.parameters import Rig
+from rig.safety.levelling import bring_level
 from rig.safety.monitor import MonitorLimits
 from rig.simulation.simulator import SimulatedTable
 from rig.table import ArmingStoppedError, Table, watch_arming
@@ -109,7 +110,8 @@ class _Inbox:
 
 def warm_up(known: Rig, compensator: int, course: Course) -> None:
     """Run every compiled function once, on a simulated table, as the beginning of a `Loop` of these
-    would: loading them takes half a second, compiling them a minute, in which no stop is seen.
+    would: loading them takes half a second, compiling them a minute, in which no stop is seen. Left
+    by a signal it compiles no more.
     """
     course = replace(
         course,
@@ -119,8 +121,8 @@ def warm_up(known: Rig, compensator: int, course: Course) -> None:
         operator=(),
     )
     table = SimulatedTable(known, np.random.default_rng(0), start_m=course.start_m)
-    with table:
-        Loop(table, known, compensator, course, operator=Operator()).run()
+    Loop(table, known, compensator, course, operator=Operator()).until_done()
+    bring_level(table, table.level_s)
 
 
 def work(job: Job, box: SharedChannel, parent: int, result: Connection) -> None:

@@ -146,7 +146,7 @@ class Loop:
         that fails aborts the run. OSError: the table or its camera is lost.
         """
         try:
-            ending = self._until_done()
+            ending = self.until_done()
         except user_controller.ControllerError as error:
             ending = self._caught(Ending("aborted", str(error)))
         except BaseException:
@@ -161,7 +161,8 @@ class Loop:
             self._table.level_s = 0.0
         return ending
 
-    def _until_done(self) -> Ending:
+    def until_done(self) -> Ending:
+        """As `run`, for a table of nobody's: what is raised passes on at once."""
         while True:
             reading = self._table.read()
             ending = self._tick(reading)

@@ -12,6 +12,7 @@ from rig.control.controllers import COMPENSATORS
 from rig.course import Course
 from rig.log import INDEX
 from rig.loop.commands import Command, CommandSlot, Push, SetGains, Stop, Target
+from rig.loop.job import warm_up
 from rig.loop.loop import Ending, Loop
 from rig.operator import Operator
 from rig.parameters import Rig
@@ -210,3 +211,18 @@ def test_a_person_is_asked_step_by_step_and_waited_for():
     assert 200 <= phases.count(1) < 600
     assert phases.count(2) == n
     assert {"placed", "released"} <= set(events)
+
+
+def test_a_rehearsal_that_a_signal_leaves_asks_its_table_nothing_more(monkeypatch):
+    """What it asks would be compiled, for half a minute, before the program ends."""
+    reads = []
+
+    def read(table: SimulatedTable):
+        reads.append(table)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(SimulatedTable, "read", read)
+    course = Course(np.zeros((100, 2)), np.zeros((100, 2)))
+    with pytest.raises(KeyboardInterrupt):
+        warm_up(Rig(), COMPENSATORS["with"], course)
+    assert len(reads) == 1
