@@ -215,5 +215,5 @@ def stop_on_signals(
         for number, handler in before.items():
             signal.signal(number, signal.SIG_DFL if handler is None else handler)
     if came and leave:
-        _raised_s[0] = time.monotonic()
+        _heard_s[0] = _raised_s[0] = time.monotonic()
         end_by(came[0])

@@ -59,7 +59,8 @@ def ended_unheard(
         yield
     finally:
         signal.set_wakeup_fd(before)
-        writes.shutdown(socket.SHUT_WR)  # a copy of this process that lives on has this end, too
+        if thread.is_alive():  # not in a copy of this process that leaves by itself
+            writes.shutdown(socket.SHUT_WR)  # a copy that lives on has this end, too
         writes.close()
         thread.join()
         reads.close()

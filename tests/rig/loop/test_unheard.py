@@ -127,6 +127,60 @@ with leave_on_signals(print):
     assert time.monotonic() - began_s < 15
 
 
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no copy of the program there")
+def test_a_copy_that_leaves_by_itself_does_not_deafen_the_program():
+    """It leaves every context of the program's, and shut the socket of both."""
+    text = """
+import hashlib, os, signal, sys
+from rig.loop import unheard
+from rig.loop.signals import leave_on_signals
+
+unheard.UNHEARD_S = 0.5
+with leave_on_signals(print):
+    pid = os.fork()
+    if pid == 0:
+        sys.exit(0)
+    os.waitpid(pid, 0)
+    print("begun", flush=True)
+    hashlib.pbkdf2_hmac("sha256", b"", b"", 10**10 // 10)
+"""
+    with subprocess.Popen(
+        [sys.executable, "-c", text], stdout=subprocess.PIPE, text=True
+    ) as program:
+        assert program.stdout
+        assert program.stdout.readline() == "begun\n"
+        program.send_signal(signal.SIGTERM)
+        try:
+            assert program.wait(20.0) == 143
+        finally:
+            program.kill()
+
+
+def test_a_signal_that_changes_nothing_is_no_unheard_one():
+    """One in the compiler soon after a run was left by another, which came long before."""
+    text = """
+import signal, time
+from numba.core.compiler_lock import global_compiler_lock
+from rig.loop import unheard
+from rig.loop.commands import CommandSlot
+from rig.loop.signals import leave_on_signals, stop_on_signals
+
+unheard.UNHEARD_S = 0.5
+with leave_on_signals(print):
+    try:
+        with stop_on_signals(CommandSlot()):
+            signal.raise_signal(signal.SIGTERM)
+            time.sleep(1.0)
+    finally:
+        with global_compiler_lock:
+            signal.raise_signal(signal.SIGTERM)
+        time.sleep(1.5)
+        print("written", flush=True)
+"""
+    done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stdout.splitlines()[:1]) == (143, ["written"])
+
+
 def test_a_signal_while_one_function_is_compiled_for_minutes_ends_the_program():
     """The compiler must not be left by what a handler raises; it is not waited for without end."""
     text = """
