@@ -35,7 +35,6 @@ from rig.loop.shared_channel import (
 from rig.loop.signals import stop_on_signals
 from rig.operator import Operator
 from rig.parameters import Rig
-from rig.safety.levelling import bring_level
 from rig.safety.monitor import MonitorLimits
 from rig.simulation.simulator import SimulatedTable
 from rig.table import ArmingStoppedError, Table, watch_arming
@@ -121,8 +120,8 @@ def warm_up(known: Rig, compensator: int, course: Course) -> None:
         operator=(),
     )
     table = SimulatedTable(known, np.random.default_rng(0), start_m=course.start_m)
-    Loop(table, known, compensator, course, operator=Operator()).until_done()
-    bring_level(table, table.level_s)
+    with table:
+        Loop(table, known, compensator, course, operator=Operator()).until_done()
 
 
 def work(job: Job, box: SharedChannel, parent: int, result: Connection) -> None:

@@ -5,6 +5,7 @@
 """
 
 from math import floor, nan
+from types import TracebackType
 from typing import Protocol
 
 import numpy as np
@@ -185,6 +186,20 @@ class SimulatedTable(LevelOnExit):
     def close(self) -> None:
         """Set 0 V, or the angle 0."""
         self._applied[:] = 0.0
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Level it as any table, but not where a signal ends the program: it is nobody's, and what
+        levelling asks may have to be compiled, for half a minute, before that.
+        """
+        if kind is None or issubclass(kind, Exception):
+            super().__exit__(kind, error, trace)
+        else:
+            self.close()
 
     @property
     def volts_V(self) -> tuple[float, float]:

@@ -93,3 +93,18 @@ def test_paced_counts_late_ticks_and_never_catches_up_in_a_burst():
     assert len(slept) >= 98
     assert max(slept) <= table.period_s + 1e-12
     assert now[0] == pytest.approx(0.05 + 100 * table.period_s, abs=3 * table.period_s)
+
+
+def test_a_simulated_table_is_level_once_it_is_left_but_not_by_a_signal():
+    """Nobody's arms: to level them, the plant was compiled for half a minute after the signal."""
+    with simulated() as table:
+        table.read()
+        table.drive((3.0, 3.0))
+        for _ in range(50):
+            before = table.read()
+    assert np.abs(table.read().theta_rad).max() < 0.2 * np.abs(before.theta_rad).max()
+    with pytest.raises(KeyboardInterrupt), simulated() as table:  # noqa: PT012
+        table.drive((3.0, 3.0))
+        raise KeyboardInterrupt
+    assert table.read().t_s == 0.0
+    assert table.volts_V == (0.0, 0.0)
