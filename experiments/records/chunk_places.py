@@ -6,8 +6,9 @@ compression, the length of the compressed data, and these.
 """
 
 import struct
+from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import chain, pairwise
 
 from experiments.records.samples_file import CHUNK, HEAD
 
@@ -31,33 +32,30 @@ class ChunkPlace:
         return buffer[begin : begin + DATA - 8] + length + buffer[begin + DATA : self.end]
 
 
-def chunk_places(buffer: bytes) -> list[ChunkPlace]:
-    """The chunks of `buffer` that are there whole, in order.
+def chunk_places(buffer: bytes) -> Iterator[ChunkPlace]:
+    """Yield the chunks of `buffer` that are there whole, in order.
 
     Of a chunk whose lengths do not agree the longer one counts that keeps within the next chunk's
     begin: the decoder takes no more than its own.
     """
-    places = []
-    for begin, after in pairwise([*_begins(buffer), len(buffer)]):
+    for begin, after in pairwise(chain(_begins(buffer), [len(buffer)])):
         opcode, outer, inner = _head(buffer, begin)
         least = begin + HEAD + DATA
         ends = [end for end in (least + inner, begin + HEAD + outer) if least <= end <= after]
         if ends:
-            places.append(ChunkPlace(begin, max(ends), opcode == CHUNK and outer == DATA + inner))
-    return places
+            yield ChunkPlace(begin, max(ends), opcode == CHUNK and outer == DATA + inner)
 
 
-def _begins(buffer: bytes) -> list[int]:
-    """Where a chunk begins: it names its compression, and its opcode or its lengths are right."""
-    begins, found = [], buffer.find(ZSTD)
+def _begins(buffer: bytes) -> Iterator[int]:
+    """Yield where a chunk begins: its compression is named, its opcode or its lengths are right."""
+    found = buffer.find(ZSTD)
     while found >= 0:
         begin = found - NAME - HEAD
         if 0 <= begin <= len(buffer) - HEAD - DATA:
             opcode, outer, inner = _head(buffer, begin)
             if opcode == CHUNK or outer == DATA + inner:
-                begins.append(begin)
+                yield begin
         found = buffer.find(ZSTD, found + 1)
-    return begins
 
 
 def _head(buffer: bytes, begin: int) -> tuple[int, int, int]:

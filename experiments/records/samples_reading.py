@@ -7,7 +7,6 @@ found by theirs (`chunk_places`). What another tool rewrote is decoded by its ow
 """
 
 import struct
-from bisect import bisect_left
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -54,8 +53,9 @@ LEAST_ROWS = 100_000
 OWN_ROWS = -1  # not an opcode: a block of rows in our own layout
 ENDS = (0x01, FOOTER, 0x0F)  # header, footer, end of data
 INDEXES = range(0x07, 0x0F)  # indexes, statistics, attachments, metadata: of finished files
-ATTACHED = (0x09, 0x0C)  # attachment, metadata
-FOOTER_BYTES = 20
+ATTACHMENT = 0x09
+ATTACHED = (ATTACHMENT, 0x0C)  # and metadata
+FOOTER_BYTES, CHECKSUM = 20, 4
 
 
 @dataclass
@@ -111,11 +111,11 @@ def read_samples(data: bytes) -> SamplesFile:
     )
     records = data[len(MAGIC) :]
     _read(records.removesuffix(MAGIC), reading)
+    rows = np.concatenate([np.empty((0, len(COLUMNS))), *reading.blocks])
     if not data.startswith(MAGIC[: len(data)]):
-        if not reading.blocks:
+        if not len(rows):
             raise ValueError("it does not start like an MCAP file")
         reading.unread += len(MAGIC)
-    rows = np.concatenate([np.empty((0, len(COLUMNS))), *reading.blocks])
     again = _stand_again(rows, np.concatenate([np.empty(0, np.uint32), *reading.numbers]))
     if again:
         rows = np.delete(rows, again, axis=0)
@@ -159,10 +159,10 @@ def _records(buffer: bytes, reading: _Reading) -> Iterator[tuple[int, Any]]:
     """Yield (opcode, content) of whole records, runs of own rows as (OWN_ROWS, records (k,)).
 
     No record but a chunk holds rows, and none holds chunks: one that seems to reach beyond the next
-    row or chunk is damaged.
+    row or chunk is damaged. But an attachment may be another recording.
     """
-    places = [] if reading.inside else chunk_places(buffer)
-    begins, position = [place.begin for place in places], 0
+    places = iter(()) if reading.inside else chunk_places(buffer)
+    place, position = next(places, None), 0
     while position + HEAD <= len(buffer):
         block = _own_rows(buffer, position, reading.own_layout)
         if len(block):
@@ -176,15 +176,20 @@ def _records(buffer: bytes, reading: _Reading) -> Iterator[tuple[int, Any]]:
                 reading.unread += begin - last
                 position = begin
             continue
-        at = bisect_left(begins, position)
-        if at < len(begins) and begins[at] == position:
-            yield CHUNK, places[at].content(buffer)
-            reading.unread += 0 if places[at].sound else HEAD
-            position = places[at].end
+        while place and place.begin < position:
+            place = next(places, None)
+        if place and place.begin == position:
+            yield CHUNK, place.content(buffer)
+            reading.unread += 0 if place.sound else HEAD
+            position = place.end
             continue
-        after = begins[at] if at < len(begins) else len(buffer)
+        after = place.begin if place else len(buffer)
         opcode, length = struct.unpack_from("<BQ", buffer, position)
         end = position + HEAD + length
+        if opcode == ATTACHMENT and _is_attachment(buffer, position, end):
+            yield opcode, buffer[position + HEAD : end]
+            position = end
+            continue
         whole = opcode != 0 and end <= after  # not half a record, nor zeros of a power cut
         if opcode == MESSAGE and reading.row_room < 0:
             whole = False  # it is no recording: the next row of our own is what counts
@@ -201,6 +206,18 @@ def _records(buffer: bytes, reading: _Reading) -> Iterator[tuple[int, Any]]:
     reading.unread += len(buffer) - position
     if position < len(buffer) and not reading.inside:
         reading.tail = len(buffer) - position
+
+
+def _is_attachment(buffer: bytes, begin: int, end: int) -> bool:
+    """Whether the record in `buffer` from begin to end is an attachment: its lengths agree, those
+    of name, type of media and data.
+    """
+    at = begin + HEAD + 2 * 8  # behind two times
+    for kind in ("<I", "<I", "<Q"):
+        if at + struct.calcsize(kind) > len(buffer):
+            return False
+        at += struct.calcsize(kind) + struct.unpack_from(kind, buffer, at)[0]
+    return at + CHECKSUM == end <= len(buffer)
 
 
 def _next_row(buffer: bytes, position: int, stop: int, channel: int | None) -> int:

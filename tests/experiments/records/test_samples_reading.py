@@ -13,8 +13,9 @@ import pytest
 import zstandard
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from mcap.data_stream import RecordBuilder
 from mcap.decoder import DecoderFactory as McapDecoderFactory
-from mcap.records import Chunk
+from mcap.records import Attachment, Chunk
 
 from experiments.records import samples_reading, unpacking
 from experiments.records.samples_file import (
@@ -89,6 +90,19 @@ def test_a_file_whose_first_bytes_are_damaged_keeps_its_rows(finished: bool, dam
 def test_what_is_no_recording_is_told_so(data: bytes):
     with pytest.raises(ValueError, match="does not start like an MCAP file"):
         read_samples(data)
+
+
+@pytest.mark.parametrize("finished", [True, False])
+def test_another_recording_that_was_attached_is_none_of_its_rows(finished: bool):
+    """As `mcap add attachment` does it: chunks and rows are found by their own bytes."""
+    rows, other = example(50), example(80) + 1.0
+    attached = finished_file(other, EVENTS, START_NS) if finished else plain_file(other)
+    builder = RecordBuilder()
+    Attachment(0, 0, "other.mcap", "application/octet-stream", attached).write(builder)
+    data = MAGIC + builder.end() + finished_file(rows, EVENTS, START_NS)[len(MAGIC) :]
+    found = read_samples(data)
+    np.testing.assert_array_equal(found.rows, rows)
+    assert (found.complete, found.foreign, len(found.events)) == (True, True, len(EVENTS))
 
 
 @pytest.mark.parametrize("finished", [True, False])
