@@ -195,7 +195,9 @@ with leave_on_signals(print):
         signal.raise_signal(signal.SIGTERM)
         time.sleep(30)
 """
-    done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, timeout=60)
+    done = subprocess.run(
+        [sys.executable, "-u", "-c", text], capture_output=True, text=True, timeout=60
+    )
     assert (done.returncode, done.stdout.count("being compiled")) == (143, 1)
 
 
