@@ -15,8 +15,10 @@ NEAR = 2.0  # so far a ball may move: between NEAR and FAR it cannot be told
 LONGER = 3.0  # times the longest stay anywhere else: no ball rests so much better in one place
 HOLE = 5.0  # usual times between two known rows, over which a ball may come from anywhere
 SUDDEN = 3.0  # times the ball's step before or after: one that was pushed moves on so fast
-USUAL, ROUGH = 0.7, 10.0  # chosen: a quarter may be wrong; noise of ten times is none
-MIN_ROUGH = 50
+# Chosen: this share of the steps lies within the usual distance off the line, so that fewer than
+# the rest may jump; ten times as far is no noise.
+USUAL, ROUGH = 0.7, 10.0
+MIN_ROUGH = 50  # chosen: of fewer steps no share is told
 _CONDITION = re.compile(r"(.+?)\s*([<>]=?)\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?)")
 _HOLDS = {
     "": np.greater,

@@ -90,8 +90,8 @@ def test_no_name_of_a_healthy_axis_is_certain(seed: int):
 
 
 def test_the_rig_files_friction_that_stiff_shafts_do_not_explain_is_not_certain(monkeypatch):
-    """A worn tooth of an engine of others: named again beside shafts that do not wind up, by motors
-    without their load, it was certain."""
+    """Beside a worn tooth, in a log of another engine, the friction was named with stiff shafts,
+    too, on motors that feel no load, and for certain."""
     columns, _, _ = rubbing_joints(3600, seconds=4.0)
     evidence = evidence_of(Log.from_columns(columns))
     before = settled_baseline(evidence, friction_models(Rig())[-1])
