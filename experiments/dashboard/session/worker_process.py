@@ -172,19 +172,24 @@ class WorkerProcess:
             while pipe is not None and not ended:
                 kind, what = pipe.recv()
                 ended = kind in ("done", "failed")
-                self._tell(item, kind, what)
+                self._tell(item, kind, what, last=ended)
         if not ended:
             with self._wake:
                 self._end_process()
-            self._tell(item, "failed", "ended before it was done")
+            self._tell(item, "failed", "ended before it was done", last=True)
 
     def _end_process(self) -> None:
         if self._process is not None:
             self._process.terminate()
             self._killed = True
 
-    def _tell(self, item: WorkItem, kind: str, what: Any) -> None:
-        if not self._replaced:
+    def _tell(self, item: WorkItem, kind: str, what: Any, *, last: bool) -> None:
+        """Tell who waits for it; who hears the last message can put work of the same name."""
+        with self._wake:
+            heard = not self._replaced
+            if last:
+                self._now = ""
+        if heard:
             item.on_message(kind, what)
 
     def _worker(self) -> Connection | None:

@@ -211,6 +211,8 @@ class CalibrateTab:
         )
 
     def _next(self) -> None:
+        if "on" in self._state.values():  # begun anew when the last step had ended
+            return
         if not self._left:
             if len(self._kept) == len(self._steps):
                 self._words = f"{self._words}. All steps are done"
@@ -225,17 +227,19 @@ class CalibrateTab:
             )
 
         item = WorkItem("calibration", task, on_message)
-        camera = self._real[1] if self._real else None
-        if camera is not None and step in ("camera", "table"):
+        camera = self._real[1] if self._real and step in ("camera", "table") else None
+        self._worker.check_free(item.name)
+        if camera is not None:
             camera.check_free()
+        self._lines, self._why_ended = [], ""
+        self._share = self._until = 0.0
+        self._elapsed.begin()
+        self._mark(step, "on", "on its way")  # first: it may be refused at once
+        if camera is not None:
             self._awaited = item
             threading.Thread(target=self._borrow, args=(camera, item), daemon=True).start()
         else:
             self._worker.put(item)
-        self._lines, self._why_ended = [], ""
-        self._share = self._until = 0.0
-        self._elapsed.begin()
-        self._mark(step, "on", "on its way")
 
     def _borrow(self, camera: RealCamera, item: WorkItem) -> None:
         """Borrow the camera of a real table, which may take seconds, then let the worker begin."""

@@ -85,6 +85,17 @@ def test_new_work_takes_the_place_of_the_old_while_that_is_being_done(worker):
     assert found[-1] == ("done", {"answer": 42})
 
 
+def test_who_hears_that_work_has_ended_can_put_it_again(worker):
+    words: Queue = Queue()
+
+    def again(kind: str, what) -> None:
+        if kind == "done":
+            worker.put(WorkItem("work", good, lambda *what: words.put(what)))
+
+    worker.put(WorkItem("work", good, again))
+    assert [words.get(timeout=120)[0] for _ in range(3)] == ["progress", "line", "done"]
+
+
 def interrupted(progress):
     os.kill(os.getpid(), signal.SIGINT)  # Ctrl-C, which a terminal sends to every process
     time.sleep(0.1)

@@ -50,6 +50,9 @@ class FakeWorker:
     def put(self, item: WorkItem) -> None:
         self.items.append(item)
 
+    def check_free(self, name: str) -> None:
+        pass
+
     def cancel(self, name: str) -> bool:
         return False
 
@@ -97,6 +100,31 @@ def test_a_step_that_is_cancelled_while_the_camera_is_awaited_never_begins(tab):
     camera.free.set()
     wait_for("the camera's return", lambda: threading.active_count() and camera.lent == 0)
     assert not worker.items
+
+
+def test_a_step_that_is_refused_at_once_is_refused(tab):
+    one, _, worker = tab
+    one._controls.queue.put = lambda name, work: work()
+    worker.put = lambda item: item.on_message("failed", "record one with the ball first")
+    one.begin(("level",))
+    assert one._state["level"] == "refused"
+    assert "record one with the ball" in one._verdict.content
+
+
+def test_a_step_that_is_begun_as_another_has_ended_is_the_only_one(tab):
+    one, _, worker = tab
+    one.begin(("time",))
+    queued: list = []
+    one._controls.queue.put = lambda name, work: queued.append(work)
+    worker.items[0].on_message("done", ())
+    queued.pop(0)()
+    assert one._state["time"] == "accepted"
+    assert queued
+    one.begin(("level", "servo"))
+    for work in queued:  # what was to follow the first
+        work()
+    assert [item.task.args[0].step for item in worker.items] == ["time", "level"]
+    assert (one._state["level"], one._left) == ("on", ("servo",))
 
 
 def test_a_step_uses_the_number_that_passed_its_checks_and_no_other(tab):
