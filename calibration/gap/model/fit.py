@@ -315,7 +315,7 @@ def _along_axes(
         for i, axis in enumerate(axes):
             at, told[i] = _along_axis(problem, at, a, length * axis)
         axes = axes[~told]
-        if problem.cost(at) < first:
+        if first - problem.cost(at) >= STALE_SECANT_GAIN:  # it begins again from there
             break
     return at, first - problem.cost(at)
 
