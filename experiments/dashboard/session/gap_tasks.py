@@ -94,7 +94,7 @@ def find_gap(
     paths = list(logs) if logs is not None else demo_runs(folder, seed=seed, progress=progress)
     if logs is None:
         progress.show(clue(paths, folder, seed))
-    findings = investigate(paths, None, progress=progress)
+    findings = investigate(paths, None, threads=2, progress=progress)
     progress("report", 0, 1)
     report = write_findings(
         findings,
