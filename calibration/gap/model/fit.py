@@ -303,8 +303,8 @@ def _along_axes(
     problem: _Problem, at: ParameterFit, a: np.ndarray, b: np.ndarray
 ) -> tuple[ParameterFit, float]:
     """Compass search along `_axes`, and by how much C with the prior fell (Kolda, Lewis and
-    Torczon, SIAM Review 45, 2003): each axis downhill first, by the longest of AXIS_LENGTHS, and by
-    a shorter one where no axis lowered C and this one did not rise as told.
+    Torczon, SIAM Review 45, 2003): each axis downhill first, by the longest of AXIS_LENGTHS, then
+    by the shorter ones where it did not rise as told.
 
     A kink of backlash or friction stops a Gauss-Newton step that crosses it, not one along it.
     """
@@ -315,8 +315,6 @@ def _along_axes(
         for i, axis in enumerate(axes):
             at, told[i] = _along_axis(problem, at, a, length * axis)
         axes = axes[~told]
-        if first - problem.cost(at) >= STALE_SECANT_GAIN:  # it begins again from there
-            break
     return at, first - problem.cost(at)
 
 
