@@ -129,24 +129,25 @@ def _cost_with_same(state: State, other: NominalModel, outputs: tuple[str, ...])
 
 def model_of_rigid_shafts(before: State, after: State) -> NominalModel | None:
     """The nominal model of shafts that do not wind up, whose arms have all friction that the rig
-    file has of arm and joints, where motors that arms neither load nor let coast have that friction
-    by name; None elsewhere. `before`, `after`: without and with the names."""
+    file has of arm and joints, where motors that arms neither load nor let coast have friction by
+    name, one of them that one; None elsewhere. `before`, `after`: without and with the names."""
     coasts = after.nominal.coasts
     return None if coasts or not names_files_friction(before, after) else _rigid(before.nominal)
 
 
 def names_files_friction(before: State, after: State) -> bool:
-    """Whether, where a plate is there and the model has no load of the motors, what is named as
-    Coulomb friction of all motors is as large as what the rig file has of arm and joints.
-    `before`, `after`: without and with the names."""
+    """Whether, where a plate is there and the model has no load of the motors, all of them have
+    Coulomb friction by name, one of them as much as what the rig file has of arm and joints: what
+    another has beside it, as the play of a gear, may mix with the size of its own. `before`,
+    `after`: without and with the names."""
     axes = [output[-1] for output in _servos(after.evidence)]
     if after.nominal.load_friction or not axes or BALL not in after.evidence.outputs:
         return False
     if not {(FRICTION, axis) for axis in axes} <= set(after.named):
         return False
-    other, names = _rigid(before.nominal), [f"{FRICTION}.friction_V.{axis}" for axis in axes]
-    more = {name: after.fit.setting[name] - other.assumed_friction_V for name in names}
-    return not any(other.exceeds_minimum(FRICTION, axis, more) for axis in axes)
+    other, names = _rigid(before.nominal), {a: f"{FRICTION}.friction_V.{a}" for a in axes}
+    more = {n: after.fit.setting[n] - other.assumed_friction_V for n in names.values()}
+    return not all(other.exceeds_minimum(FRICTION, axis, more) for axis in axes)
 
 
 def _rigid(nominal: NominalModel) -> NominalModel:

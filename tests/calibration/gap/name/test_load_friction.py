@@ -105,17 +105,18 @@ def test_friction_that_the_rig_file_assumes_is_not_missing_behind_stiffer_shafts
 @pytest.mark.parametrize(
     ("outputs", "named", "volts", "same"),
     [
-        (("servo_x", "servo_y", "ball"), ("x", "y"), 0.18, True),
-        (("servo_x", "servo_y", "ball"), ("x", "y"), 0.10, False),  # another friction
-        (("servo_x", "servo_y", "ball"), ("x",), 0.18, False),  # y has none
-        (("servo_x", "servo_y"), ("x", "y"), 0.18, False),  # bare motors
-        (("ball",), (), 0.18, False),  # no motor is seen
+        (("servo_x", "servo_y", "ball"), ("x", "y"), (0.18, 0.18), True),
+        (("servo_x", "servo_y", "ball"), ("x", "y"), (0.11, 0.18), True),  # x has more beside it
+        (("servo_x", "servo_y", "ball"), ("x", "y"), (0.10, 0.10), False),  # another friction
+        (("servo_x", "servo_y", "ball"), ("x",), (0.18, 0.18), False),  # y has none
+        (("servo_x", "servo_y"), ("x", "y"), (0.18, 0.18), False),  # bare motors
+        (("ball",), (), (0.18, 0.18), False),  # no motor is seen
     ],
 )
 def test_only_friction_of_all_motors_under_a_plate_is_the_rig_files(
-    outputs: tuple[str, ...], named: tuple[str, ...], volts: float, same: bool
+    outputs: tuple[str, ...], named: tuple[str, ...], volts: tuple[float, float], same: bool
 ):
-    setting = {f"coulomb_friction.friction_V.{axis}": volts for axis in "xy"}
+    setting = {f"coulomb_friction.friction_V.{a}": v for a, v in zip("xy", volts, strict=True)}
     held: Any = SimpleNamespace(
         nominal=friction_models(Rig())[-1],
         evidence=SimpleNamespace(outputs=outputs),
