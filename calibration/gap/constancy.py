@@ -2,8 +2,9 @@
 
 A physical size is the same in every part of the motion (Hansen, J. Policy Modeling 14, 1992; Lin
 and Terasvirta, J. Econometrics 62, 1994). By time, place, speed, tilt and its rate (a servo: time,
-angle, speed, volts), g rises from -1/2 where they are least to 1/2 at their quantile of FULL, and
-the size gets a second parameter that is added times g:
+angle, speed, volts), of whatever sign, and from one side of plate or servo to the other, g rises
+from -1/2 where they are least to 1/2 at their quantile of FULL, and the size gets a second
+parameter that is added times g:
 
     z = -(J d + J_size g delta) + e,   F = delta' cov^-1 delta/k
 
@@ -206,8 +207,8 @@ def _ramps(state: State, output: str) -> Iterator[tuple[str, np.ndarray]]:
 
 def _covariates(state: State, output: str) -> Mapping[str, np.ndarray]:
     """What the motion is cut by (n,): time, or the run where there are several; absolute values of
-    place, speed, tilt and its rate (ball), of angle, speed and volts (servo), all as they were one
-    sample earlier.
+    place, speed, tilt and its rate (ball), of angle, speed and volts (servo), and place along x and
+    y (ball) and angle (servo) with their sign, all as they were one sample earlier.
 
     The speed of a servo is the one that its volts give by its time constant: an innovation shares
     the noise of the angle, so that cut by measured speed it would choose its own half, and friction
@@ -233,7 +234,8 @@ def _of_ball(run: Signals) -> dict[str, np.ndarray]:
         "tilt": tilt,
         "rate of the tilt": _rate(tilt, t),
     }
-    return {word: np.linalg.norm(value, axis=1) for word, value in values.items()}
+    found = {word: np.linalg.norm(value, axis=1) for word, value in values.items()}
+    return found | {f"ball's place along {axis}": run.ball_m[:, a] for a, axis in enumerate("xy")}
 
 
 def _of_servo(run: Signals, output: str, model: Model) -> dict[str, np.ndarray]:
@@ -245,7 +247,8 @@ def _of_servo(run: Signals, output: str, model: Model) -> dict[str, np.ndarray]:
         values = {"servo's angle": run.theta_rad[:, a], "servo's speed": volts - speed}
     else:
         values = {"servo's angle": run.theta_rad[:, a], "servo's speed": speed, "volts": volts}
-    return {word: np.abs(value) for word, value in values.items()}
+    found = {word: np.abs(value) for word, value in values.items()}
+    return found | {"servo's side": run.theta_rad[:, a]}
 
 
 def _rate(x: np.ndarray, t: np.ndarray) -> np.ndarray:

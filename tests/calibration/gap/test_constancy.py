@@ -17,6 +17,7 @@ from calibration.gap.model.state import State, refit
 from calibration.gap.name.stepwise import Accepted, settled_baseline
 from rig.log import Log
 from tests.support.gap.tables import RIG, evidence_of, foreign, released, without_columns
+from tests.support.worlds.logs import table_log
 
 SECONDS = 40.0
 
@@ -72,6 +73,23 @@ def test_a_size_that_is_not_told_is_not_asked_whether_it_is_constant(
     play = Accepted("gear_backlash", ("x", "y"), 9.0, ())
     assert constancy.inconstancy(state, play, "servo_y").startswith(told)
     assert bool(constancy.inconstancy(state, play, "servo_y")) == bool(told)
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ({"felt_m_s2": 0.06}, "with the ball's place along x"),
+        ({"rolling_m_s2": 0.04}, ""),
+    ],
+)
+def test_what_brakes_on_one_half_of_the_plate_is_no_constant(changes: dict[str, float], told: str):
+    """From the centre outwards the mean of both halves is even."""
+    log = Log.from_columns(table_log(np.random.default_rng(11), {}, changes, {}))
+    state = released(evidence_of(log), ("rolling_resistance", "xy"))
+    state = refit(state, state.bounds((BALL,)))
+    one = Accepted("rolling_resistance", ("xy",), 99.0, ())
+    assert constancy.inconstancy(state, one, BALL).endswith(told)
+    assert bool(constancy.inconstancy(state, one, BALL)) == bool(told)
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -43,6 +43,7 @@ WORLDS = {
         axes.healthy_axis,
         strangers.heavy_sided_ball,
         strangers.wavy_plate,
+        strangers.felt_on_one_half,
         strangers.slipping_encoder,
         strangers.pendulum,
         strangers.cable,

@@ -29,6 +29,7 @@ def ball(**changes) -> Ball:
             "level_rad": np.zeros(2),
             "bowl_1_s2": 0.0,
             "rolling_m_s2": 0.0,
+            "felt_m_s2": 0.0,
             "drag_1_s": 0.0,
             "off_centre_m": 0.0,
             "waves": np.zeros((0, 4)),

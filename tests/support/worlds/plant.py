@@ -53,6 +53,7 @@ class Ball(NamedTuple):
     level_rad: np.ndarray  # (2,) constant slope
     bowl_1_s2: float
     rolling_m_s2: float
+    felt_m_s2: float  # more of it on the half where x > 0
     drag_1_s: float
     off_centre_m: float  # of the centre of mass
     waves: np.ndarray  # (n, 4) slope in rad, wave numbers k_x and k_y in rad/m, phase
@@ -172,8 +173,9 @@ def ball_step(ball, heavy, phi, rate, old_rate, push, b, h):
         ball[2 + i] += impulse
         ball[4 + i] -= b.spin * impulse
     speed = math.hypot(ball[2], ball[3])
-    if b.rolling_m_s2 > 0.0 and speed > 0.0:
-        lost = min(1.0, b.rolling_m_s2 * h / speed)
+    rolling_m_s2 = b.rolling_m_s2 + (b.felt_m_s2 if x > 0.0 else 0.0)
+    if rolling_m_s2 > 0.0 and speed > 0.0:
+        lost = min(1.0, rolling_m_s2 * h / speed)
         for i in range(2):
             ball[4 + i] -= lost * ball[2 + i]
             ball[2 + i] -= lost * ball[2 + i]

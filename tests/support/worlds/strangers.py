@@ -27,6 +27,12 @@ def wavy_plate(seed: int) -> World:
     return unknown(table_log(rng, {}, {"waves": np.stack(waves, axis=1)}, {}))
 
 
+def felt_on_one_half(seed: int) -> World:
+    """The half of the plate where x > 0 brakes the ball by 0.06 m/s2, the other hardly."""
+    rng = np.random.default_rng(seed)
+    return unknown(table_log(rng, {}, {"felt_m_s2": 0.06}, {}))
+
+
 def slipping_encoder(seed: int) -> World:
     """The encoder's wheel slips by up to 1.5 degrees, eight times in 40 s."""
     rng = np.random.default_rng(seed)
