@@ -20,7 +20,7 @@ from rig.effects import Effect
 from rig.files import file_bytes, first_error_line, known_names, read_toml, toml_of, write_whole
 from rig.linkage import THREE_ARMS
 from rig.own_effects import OwnEffect, catalogue_of, read_effect
-from rig.parameters import CHANNELS, Rig
+from rig.parameters import CHANNELS, CameraTiming, Rig
 from vision.sources.addresses import without_password
 
 SECTIONS = (
@@ -114,7 +114,7 @@ def own_names(data: dict[str, Any]) -> dict[str, str]:
 
 def from_dict(data: dict[str, Any], own: Sequence[OwnEffect] = ()) -> Rig:
     """Return the rig of `data`, a parsed TOML document or what `to_dict` gave; a missing key has
-    its default.
+    its default: a camera's rate that of a loop that is slower.
 
     own: the effects of a lab's own; values of those that `data` itself tells of are left out where
     they are not among them. ValueError (one line): an unknown key, which lists the known ones, or a
@@ -124,14 +124,15 @@ def from_dict(data: dict[str, Any], own: Sequence[OwnEffect] = ()) -> Rig:
     for key in data:
         if key not in (*known, OWN_EFFECTS):
             raise ValueError(f"unknown key '{key}'; {_places(key) or known_names(key, known)}")
-    rig = Rig()
+    rate = data.get("control_rate_hz", Rig.control_rate_hz)
+    if not isinstance(rate, int | float) or not 10 <= rate <= 5000:
+        raise ValueError(f"control_rate_hz = {rate}: must be a number from 10 to 5000")
+    camera = CameraTiming(rate_hz=min(CameraTiming.rate_hz, float(rate)))  # one frame a tick
+    rig = Rig(camera=camera)
     sections = {}
     for name in SECTIONS:
         default = getattr(rig, name)
         sections[name] = _section(name, default, data.get(name, {}))
-    rate = data.get("control_rate_hz", rig.control_rate_hz)
-    if not isinstance(rate, int | float) or not 10 <= rate <= 5000:
-        raise ValueError(f"control_rate_hz = {rate}: must be a number from 10 to 5000")
     found = data.get("effects", {})
     catalogue = catalogue_of(own)
     foreign = {name for name in own_names(data) if name not in catalogue}

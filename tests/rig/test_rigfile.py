@@ -64,6 +64,15 @@ def test_the_shipped_table_survives_writing(tmp_path: Path):
     assert read_rig(f"{tmp_path}/named.toml") == rig
 
 
+@pytest.mark.parametrize(("rate_hz", "camera_hz"), [(50, 50.0), (60, 60.0), (1000, 60.0)])
+def test_a_camera_of_which_nothing_is_said_gives_a_slow_loop_a_frame_a_tick(
+    rate_hz: int, camera_hz: float, tmp_path: Path
+):
+    path = tmp_path / "rig.toml"
+    path.write_text(f"control_rate_hz = {rate_hz}\n[camera]\ndelay_s = 0.02\n")
+    assert read_rig(path).camera.rate_hz == camera_hz
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
@@ -98,6 +107,7 @@ def test_the_shipped_table_survives_writing(tmp_path: Path):
         ("[effects.joint_backlash]\nx.width = 1", ["no key 'width'", "play_rad"]),
         ("[effects.joint_backlash]\nplay_rad = 1", ["[effects.joint_backlash] x.play_rad"]),
         ("[effects.joint_backlash]\nx.play_rad = -1", [">= 0"]),
+        ("control_rate_hz = 50\n[camera]\nrate_hz = 60", ["camera.rate_hz = 60 is above"]),
         ("control_rate_hz = 1", ["control_rate_hz", "10 to 5000"]),
         ("[servo", ["not a TOML file"]),
         ("[table]\nkind = 'board'", ["table.kind = 'board'", "quanser"]),
