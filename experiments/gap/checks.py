@@ -264,7 +264,7 @@ def _angle_unit(
     if beyond:
         notes.append(
             f"{name} reaches {most:.3g} rad, beyond the rig's stop ({rig.servo.stop_rad:.3g} rad): "
-            "degrees, or the servo of another table"
+            "degrees, the servo of another table, or a bare motor, which has none"
         )
     if step and abs(ratio - 1) > 0.02:
         notes.append(
