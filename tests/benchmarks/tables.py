@@ -58,6 +58,7 @@ MEASUREMENTS = {
         "gap/worlds.py --out out/benchmarks/worlds --seeds 1 --first-seed 1900 --jobs 2", 10
     ),
     "page-load": Measurement("dashboard/dashboard_load.py --pairs 8 --seconds 12 --minutes 30", 40),
+    "page-speed": Measurement("dashboard/page_speed.py --rounds 3", 5),
     "stopping": Measurement("hardware/stopping.py --tries 6", 8),
     "position-help": Measurement(
         "control/position_help.py --picture .github/pictures/position.png", 20
