@@ -258,7 +258,7 @@ def fit(
         stale = taken_at - best.cost >= STALE_SECANT_GAIN
         best, gain, promised = _along_step(problem, best, a, b)
         if gain < CONVERGED_GAIN and not searched:
-            best, gain = _along_axes(problem, best, a, b)
+            best, gain = _along_axes(problem, best, a)
             searched = gain < STALE_SECANT_GAIN
         wide = promised > STALE_SECANT_GAIN and gain < POOR_SHARE * promised
         narrow = wide and not stale and width > NARROWEST
@@ -299,48 +299,37 @@ def _along_step(
     return at, 0.0, promised
 
 
-def _along_axes(
-    problem: _Problem, at: ParameterFit, a: np.ndarray, b: np.ndarray
-) -> tuple[ParameterFit, float]:
+def _along_axes(problem: _Problem, at: ParameterFit, a: np.ndarray) -> tuple[ParameterFit, float]:
     """Compass search along `_axes`, and by how much C with the prior fell (Kolda, Lewis and
-    Torczon, SIAM Review 45, 2003): each axis downhill first, by the longest of AXIS_LENGTHS, then
-    by the shorter ones where it did not rise as told.
+    Torczon, SIAM Review 45, 2003).
 
     A kink of backlash or friction stops a Gauss-Newton step that crosses it, not one along it.
     """
-    first, axes = problem.cost(at), _axes(problem, at, a)
-    axes *= np.where(axes @ b > 0.0, -1.0, 1.0)[:, None]
-    for length in AXIS_LENGTHS:
-        told = np.zeros(len(axes), bool)
-        for i, axis in enumerate(axes):
-            at, told[i] = _along_axis(problem, at, a, length * axis)
-        axes = axes[~told]
+    first = problem.cost(at)
+    for axis in _axes(problem, at, a):
+        at = _along_axis(problem, at, a, axis)
     return at, first - problem.cost(at)
 
 
 def _along_axis(
-    problem: _Problem, at: ParameterFit, a: np.ndarray, step: np.ndarray
-) -> tuple[ParameterFit, bool]:
-    """The lowest place met by a step (k,), or else the opposite one, that is doubled as long as C
-    falls; and whether C rises both ways as `a` promises, within ASTRAY: then shorter steps have
-    nothing to find."""
-    cost, here, told = problem.cost(at), problem.value(at), True
-    for way in (step, -step):
-        tried = problem.moved(at, way)
-        if problem.cost(tried) < cost - CONVERGED_GAIN:
-            return _as_far_as_it_falls(problem, tried, 2.0 * way), False
-        away = problem.value(tried) - here
-        rise, promised = problem.cost(tried) - cost, 0.5 * away @ a @ away
-        told = told and bool(abs(rise - promised) <= ASTRAY * promised)
-    return at, told
-
-
-def _as_far_as_it_falls(problem: _Problem, at: ParameterFit, step: np.ndarray) -> ParameterFit:
-    """The last place to which a step (k,) lowers C; each step is twice as long as the last one."""
-    tried = problem.moved(at, step)
-    while problem.cost(tried) < problem.cost(at) - CONVERGED_GAIN:
-        at, step = tried, 2.0 * step
-        tried = problem.moved(at, step)
+    problem: _Problem, at: ParameterFit, a: np.ndarray, axis: np.ndarray
+) -> ParameterFit:
+    """The lowest place met along an axis (k,): a step of AXIS_LENGTHS times it, either way, is
+    repeated as long as C falls. Where C rises both ways as `a` promises, within ASTRAY, the shorter
+    steps have nothing to find."""
+    cost, here = problem.cost(at), problem.value(at)
+    for length in AXIS_LENGTHS:
+        told = True
+        for step in (length * axis, -length * axis):
+            tried = problem.moved(at, step)
+            away = problem.value(tried) - here
+            rise, promised = problem.cost(tried) - cost, 0.5 * away @ a @ away
+            told = told and abs(rise - promised) <= ASTRAY * promised
+            while (dear := problem.cost(tried)) < cost - CONVERGED_GAIN:
+                at, cost, here = tried, dear, problem.value(tried)
+                tried = problem.moved(at, step)
+        if told:
+            break
     return at
 
 
