@@ -35,7 +35,7 @@ from experiments.records.samples_file import (
     TAGS,
     sample_schema,
 )
-from experiments.records.unpacking import LEAST_BYTES, MOST_RATIO, unpacked
+from experiments.records.unpacking import LEAST_BYTES, MOST_RATIO, Room, unpacked
 from rig.files import read_json
 from rig.log import COLUMNS, INDEX
 
@@ -91,7 +91,7 @@ class _Reading:
     unread: int = 0  # bytes that were not understood
     tail: int = 0  # of those, after the last record
     foreign: bool = False  # more was understood than rows and events can hold
-    room: int = 0  # bytes that chunks may still hold, unpacked
+    room: Room = field(default_factory=lambda: Room(0))
     row_room: int = LEAST_ROWS  # messages but events that may still be taken one by one
     event_room: int = MOST_EVENT_BYTES  # bytes that events may still have; below 0: some are out
     inside: bool = False  # a chunk
@@ -107,7 +107,7 @@ def read_samples(data: bytes) -> SamplesFile:
     """
     room = MOST_RATIO * len(data)
     reading = _Reading(
-        room=max(room, LEAST_BYTES), row_room=max(room // RECORD.itemsize, LEAST_ROWS)
+        room=Room(max(room, LEAST_BYTES)), row_room=max(room // RECORD.itemsize, LEAST_ROWS)
     )
     records = data[len(MAGIC) :]
     _read(records.removesuffix(MAGIC), reading)
@@ -299,7 +299,6 @@ def _take_chunk(content: bytes, reading: _Reading) -> None:
         raise ValueError("a chunk inside a chunk")
     chunk = Chunk.read(ReadDataStream(BytesIO(content)))
     rows, reading.inside = unpacked(chunk, reading.room), True
-    reading.room -= len(rows)
     reading.has_chunks = True
     try:
         _read(rows, reading)

@@ -26,7 +26,7 @@ from experiments.importing.recording import (
     Stream,
     check_size,
 )
-from experiments.records.unpacking import unpacked
+from experiments.records.unpacking import Room, unpacked
 
 # Bytes of a message that is decoded, which may take a hundred times as many; chosen: a longer one
 # is a picture or a point cloud.
@@ -135,7 +135,7 @@ def _records(file: IO[bytes]) -> Iterator[Any]:
     from mcap.records import Chunk
     from mcap.stream_reader import StreamReader
 
-    room = 8 * MAX_CELLS
+    room = Room(8 * MAX_CELLS)
     for record in StreamReader(file, emit_chunks=True, validate_crcs=True).records:
         if not isinstance(record, Chunk):
             yield record
@@ -143,7 +143,6 @@ def _records(file: IO[bytes]) -> Iterator[Any]:
         data = unpacked(record, room)
         if len(data) < record.uncompressed_size:
             raise BadFileError("a chunk is not whole")
-        room -= len(data)
         with suppress(EndOfFile):  # a chunk has no footer
             yield from StreamReader(BytesIO(data), skip_magic=True, emit_chunks=True).records
 

@@ -3,12 +3,13 @@
 import struct
 import time
 import tracemalloc
+from zlib import crc32
 
 import numpy as np
 import pytest
 import zstandard
 
-from experiments.records import samples_reading
+from experiments.records import samples_reading, unpacking
 from experiments.records.samples_file import (
     RECORD,
     event_record,
@@ -17,13 +18,14 @@ from experiments.records.samples_file import (
     plain_ending,
 )
 from experiments.records.samples_reading import read_samples
+from rig.log import COLUMNS
 from tests.experiments.records.test_samples_reading import EVENTS, START_NS, example
 
 
-def packed(messages):
-    """Records in one chunk of zstd's."""
-    raw = zstandard.compress(messages)
-    head = struct.pack("<QQQII", 0, 0, len(messages), 0, 4) + b"zstd" + struct.pack("<Q", len(raw))
+def packed(messages, claimed=None, checksum=0):
+    """Records in one chunk of zstd's, which claims to hold so many bytes of this checksum."""
+    raw, claimed = zstandard.compress(messages), len(messages) if claimed is None else claimed
+    head = struct.pack("<QQQII", 0, 0, claimed, checksum, 4) + b"zstd" + struct.pack("<Q", len(raw))
     return struct.pack("<BQ", 6, len(head) + len(raw)) + head + raw
 
 
@@ -66,3 +68,41 @@ def test_a_message_counts_where_it_is_no_event(monkeypatch):
         assert len(samples.rows) == count
         assert samples.complete == (count == 3)
         assert len(samples.events) == (18 if count == 3 else 9)
+
+
+@pytest.mark.parametrize("refused", [{"checksum": 1}, {"claimed": (1 << 22) - 1}, "cut"])
+def test_chunks_that_are_refused_cost_no_more_than_what_a_file_may_hold(monkeypatch, refused):
+    """A file of 1 MB with 500 of them, of 64 MB each, kept every command for half a minute."""
+    bomb = packed(bytes(1 << 22), **({} if refused == "cut" else refused))
+    if refused == "cut":
+        bomb = bomb[:-3] + b"\xff\xff\xff"
+    monkeypatch.setattr(samples_reading, "LEAST_BYTES", 1 << 23)
+    monkeypatch.setattr(samples_reading, "MOST_RATIO", 0)
+    taken, reader = [], unpacking._reader
+
+    def counted(chunk):
+        read = reader(chunk)
+        return lambda size: taken.append(piece := read(size)) or piece
+
+    monkeypatch.setattr(unpacking, "_reader", counted)
+    rows = message_records(example(3), START_NS).tobytes()
+    samples = read_samples(opening() + packed(rows) + bomb * 40 + plain_ending())
+    np.testing.assert_array_equal(samples.rows, example(3))
+    assert samples.unread == 40 * len(bomb)
+    assert 1 << 21 < sum(map(len, taken)) <= (1 << 23) + 40
+
+
+def test_a_flipped_bit_in_one_chunk_leaves_the_room_of_the_others(monkeypatch):
+    """Even where all of them together hold as much as the file may."""
+    rows = np.random.default_rng(9).normal(size=(60, len(COLUMNS)))
+    rows[:, 0] = np.arange(60) * 0.002
+    records = message_records(rows, START_NS).tobytes()
+    half = len(records) // 2
+    monkeypatch.setattr(samples_reading, "LEAST_BYTES", len(records))
+    monkeypatch.setattr(samples_reading, "MOST_RATIO", 0)
+    damaged, other = (packed(one, checksum=crc32(one)) for one in (records[:half], records[half:]))
+    for bit in [*range(8 * 100), *range(8 * 100, 8 * len(damaged), 61)]:  # all of its head's
+        bad = bytearray(damaged)
+        bad[bit // 8] ^= 1 << bit % 8
+        found = read_samples(opening() + bytes(bad) + other + plain_ending())
+        assert found.rows[-30:].tobytes() == rows[30:].tobytes(), bit
