@@ -16,7 +16,7 @@ import pytest
 
 from rig.hardware.network import remote_wire as wire
 from rig.hardware.network.client_watchdog import CATCH_TAUS, LEVEL_S
-from rig.hardware.network.greetings import GREETING_S, MOST, Greetings
+from rig.hardware.network.greetings import GREETING_S, LINES, LINES_S, MOST, Greetings
 from rig.hardware.network.remote_wire import Wire
 from rig.hardware.network.serve import GONE_S, IDLE_S, Server
 from rig.hardware.wiring import Wiring
@@ -207,7 +207,45 @@ def test_where_too_many_wait_the_oldest_of_the_busiest_address_goes():
         ]
         for peer in peers:
             peer.wire.close()
-        assert said == []
+        place = f"10.0.0.2:{crowd[0].name.partition(':')[2]}"
+        assert said == [f"{place} made room: too many were at the door"]
+
+
+def test_a_scan_of_ports_is_a_few_lines_and_a_count_a_minute():
+    """Each of its thousands of connections had a line, and a run's own were out of sight."""
+    with at_the_door() as (greetings, said, knock):
+
+        def scanned(count: int, now_s: float) -> list[str]:
+            names = []
+            for _ in range(count):
+                one = knock(now_s=now_s)
+                one.sock.sendall(b"\xff\xff\xff")
+                assert greetings.proven(now_s) == []
+                names.append(f"{one.name} said what no honest user says")
+            return names
+
+        assert (LINES, LINES_S) == (5, 60.0)
+        named = scanned(LINES, 10.0)
+        assert said == named
+        newest = scanned(3, 10.0 + LINES_S - 0.1)[-1]
+        assert said == named
+        assert greetings.proven(10.0 + LINES_S - 0.01) == []
+        assert said == named
+        for now_s in (10.0 + LINES_S, 11.0 + LINES_S):
+            assert greetings.proven(now_s) == []
+            assert said[LINES:] == [
+                f"and 3 more within 60 s were turned away; the newest: {newest}"
+            ]
+        # a minute begins with its first
+        again = scanned(LINES, 300.0)
+        assert said[LINES + 1 :] == again
+        assert greetings.proven(300.0 + LINES_S) == []
+        assert said[LINES + 1 :] == again
+        newest = scanned(LINES + 1, 400.0)[-1]
+        greetings.close()
+        assert said[-1] == f"and 1 more within 60 s were turned away; the newest: {newest}"
+        greetings.close()
+        assert len(said) == 3 * LINES + 2
 
 
 def test_the_door_that_closes_hangs_up_on_all():
