@@ -19,7 +19,7 @@ class Wiring:
     zero_counts: the encoders' counts where the plate is level, by channel; counts_per_rev: after
     quadrature at the load shaft; crossed: motor channel 0 turns the arm that encoder channel 1
     counts, and motor channel 1 that of encoder channel 0. ValueError: an order that names a servo
-    twice or none, a sign that is none, or counts_per_rev that no board can take.
+    twice or none, a sign that is none or too many or few, or counts_per_rev that no board can take.
     """
 
     # A file of another version, with other keys, is no wiring.
@@ -36,6 +36,11 @@ class Wiring:
             raise ValueError(
                 f"wiring.order = {list(self.order)}: must name each of {len(self.zero_counts)} "
                 "servos once"
+            )
+        if not len(self.order) == len(self.sign_volts) == len(self.sign_angle):
+            raise ValueError(
+                f"wiring: {len(self.order)} servos have as many signs each, got {self.sign_volts} "
+                f"and {self.sign_angle}"
             )
         if not {*self.sign_volts, *self.sign_angle} <= {-1, 1}:
             raise ValueError(

@@ -5,10 +5,12 @@ from dataclasses import asdict, dataclass
 from datetime import UTC, datetime, timedelta
 from math import inf
 from pathlib import Path
+from typing import Any, ClassVar
+from zlib import crc32
 
-from pydantic import TypeAdapter
+from pydantic import TypeAdapter, ValidationError
 
-from rig.files import file_bytes, write_whole
+from rig.files import file_bytes, first_error_line, read_json, write_whole
 from rig.hardware.homing.home import Homing
 from rig.hardware.wiring import Wiring, file_wiring
 from rig.linkage import Linkage
@@ -18,6 +20,7 @@ from rig.table import Table
 LONGEST = timedelta(hours=12)  # for a table that does not tell when it was switched off
 MARGIN_RAD = 0.1
 CURE = "run rig home"
+CHECKSUM = "checksum"  # the key, in the file, of that of all others; earlier versions wrote none
 
 
 class NotHomed(ValueError):  # noqa: N818 - it names a state used as a run ending
@@ -42,6 +45,8 @@ class Homed:
     the servos take angles).
     """
 
+    # A key that is damaged is no key that was left out.
+    __pydantic_config__: ClassVar[Any] = {"extra": "forbid"}
     kind: str
     where: str
     boot_id: str | None
@@ -62,7 +67,9 @@ class Homed:
 
     def save(self, path: Path) -> None:
         """Write the homing to a JSON file that `load` reads. OSError: it cannot be written."""
-        write_whole(path, json.dumps(asdict(self), indent=1).encode() + b"\n")
+        kept = asdict(self)
+        kept[CHECKSUM] = _checksum(kept)
+        write_whole(path, json.dumps(kept, indent=1).encode() + b"\n")
 
     def check(self, rig: Rig, boot_id: str | None, now: datetime | None = None) -> None:
         """Raise NotHomed where the homing is of another table, another power-up, too long ago, of
@@ -157,18 +164,39 @@ def home_file(rig_file: Path) -> Path:
 
 
 def load(path: Path) -> Homed:
-    """Return the kept homing. NotHomed: there is no such file, or it holds no homing."""
+    """Return the kept homing. NotHomed: there is no such file, it holds no homing, or another one
+    than was written: a single digit that is damaged would be another zero.
+    """
     if not path.is_file():
         raise NotHomed(f"this table has not been homed ({path} is missing): {CURE}")
     try:
-        found = TypeAdapter(Homed).validate_json(file_bytes(path))
-        if datetime.fromisoformat(found.at).tzinfo is None:
-            raise ValueError(f"at = {found.at} has no time zone")
-        if not all(0.0 < travel < inf for travel in found.travel_rad):
-            raise ValueError(f"travel_rad = {found.travel_rad} is no way between stops")
-        if not all(0.0 <= volts < inf for pair in found.breakaway_V for volts in pair):
-            raise ValueError(f"breakaway_V = {found.breakaway_V} moves no arm")
+        kept = read_json(file_bytes(path).decode())
+        checksum = kept.pop(CHECKSUM, None) if isinstance(kept, dict) else None
+        if checksum not in (None, _checksum(kept)):
+            raise ValueError("it is damaged, or was changed by hand")
+        found = TypeAdapter(Homed).validate_python(kept)
+        _check_values(found)
         return found
     except ValueError as error:
-        first = str(error).splitlines()[0]
-        raise NotHomed(f"{path} is no homing ({first}): {CURE}") from None
+        is_known = isinstance(error, ValidationError)
+        why = first_error_line(error) if is_known else str(error).splitlines()[0]
+        raise NotHomed(f"{path} is no homing ({why}): {CURE}") from None
+
+
+def _checksum(kept: Any) -> int:
+    return crc32(json.dumps(kept, sort_keys=True).encode())
+
+
+def _check_values(found: Homed) -> None:
+    """ValueError: no homing finds such values."""
+    if datetime.fromisoformat(found.at).tzinfo is None:
+        raise ValueError(f"at = {found.at} has no time zone")
+    if not all(0.0 < travel < inf for travel in found.travel_rad):
+        raise ValueError(f"travel_rad = {found.travel_rad} is no way between stops")
+    servos = len(found.wiring.order)
+    if len(found.travel_rad) != servos or len(found.breakaway_V) not in (0, servos):
+        raise ValueError(f"travel_rad or breakaway_V is not of {servos} servos")
+    if not found.voltage_limit_V > 0.0:
+        raise ValueError(f"voltage_limit_V = {found.voltage_limit_V} moves no arm")
+    if not all(0.0 <= volts < inf for pair in found.breakaway_V for volts in pair):
+        raise ValueError(f"breakaway_V = {found.breakaway_V} moves no arm")

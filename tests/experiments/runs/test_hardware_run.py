@@ -10,11 +10,13 @@ import os
 import signal
 import subprocess
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from experiments.records.recording import read_run
+from rig.hardware.homing.homed import load
 from tests.support.command import told
 from tests.support.rig_lab import Lab
 
@@ -126,7 +128,7 @@ def test_a_served_table_that_hangs_is_named_and_another_power_up_wants_homing(ho
     assert homed.volts()[-1, 1:].tolist() == [0.0, 0.0]
     kept = homed.rig.with_suffix(".home.json")
     before = kept.read_text()
-    kept.write_text(json.dumps(json.loads(before) | {"boot_id": "id 00"}))
+    replace(load(kept), boot_id="id 00").save(kept)
     try:
         code, out, error = homed.call(
             "run", homed.protocol(5.0), "--out", str(homed.out / "b"), "--arm", "with", "--yes"
