@@ -107,7 +107,7 @@ def calibrate_camera(
     rig = load_rig(rig_file)
     folder = CalibrationFolder(out, _kind(source), rig)
     layout = default_layout(rig.linkage.side_m)
-    if source is None or Path(source).is_dir():
+    if source is None or any(path.is_dir() for path in files_of(source)):
         growing = Growing(folder.path, sheet, shown) if shown else None
         shots = []
         for image in _virtual_shots(rig, sheet, seed) if source is None else _pictures(source):

@@ -15,6 +15,7 @@ from rig.foreign_trial import Tells
 from rig.parameters import Rig
 from rig.simulation.rendered_camera import RenderedPlateCamera
 from rig.simulation.simulator import SimulatedTable
+from vision.sources.sources import recorded
 
 
 def has_plate(folder: CalibrationFolder) -> bool:
@@ -35,7 +36,8 @@ def tilt_recorder(folder: CalibrationFolder) -> TiltRecorder:
 
 def files_of(source: str | None) -> list[Path]:
     """The file or folder that frames come from; none of a camera."""
-    return [Path(source)] if source is not None and Path(source).exists() else []
+    path = None if source is None else recorded(source)
+    return [path] if path is not None and path.exists() else []
 
 
 def filmed_motion(

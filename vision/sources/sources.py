@@ -30,11 +30,19 @@ from vision.sources.user_camera import UserFeed, load_class, split_address
 STREAM = re.compile(r"^(rtsps?|https?|udp|tcp|rtmp)://")
 
 
+def recorded(address: str) -> Path | None:
+    """The film or folder of an address, there or not; None of a live one: camera 0 is no folder of
+    that name, nor is /dev/video0 a film.
+    """
+    live = split_address(address) or DEVICE.match(address) or STREAM.match(address)
+    return None if live else Path(address)
+
+
 def check_address(address: str) -> None:
     """Raise FileNotFoundError where the address is of a file, and nothing is there."""
-    path, _ = split_address(address) or (Path(address), "")
-    live = DEVICE.match(address) or STREAM.match(address)
-    if not live and not path.exists():
+    own = split_address(address)
+    path = own[0] if own else recorded(address)
+    if path is not None and not path.exists():
         raise FileNotFoundError(f"{path}: no such file or folder; check the address")
 
 

@@ -60,8 +60,15 @@ def test_a_camera_that_leaves_the_program_is_named(tmp_path, monkeypatch):
         motion(tmp_path, "os._exit(0)", monkeypatch)
 
 
-def test_a_camera_is_no_file_whose_fingerprint_is_kept(tmp_path):
+def test_a_camera_is_no_file_whose_fingerprint_is_kept(tmp_path, monkeypatch):
+    """What /dev/video0 streams was to be read to its end; a folder 0 stood for camera 0."""
     film = tmp_path / "film.mp4"
     film.touch()
     assert filmed.files_of(str(film)) == [film]
     assert filmed.files_of(f"{tmp_path}/mine.py:Mine") == filmed.files_of(None) == []
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "0").mkdir()
+    for camera in ("0", "/dev/video0", "rtsp://table"):
+        assert filmed.recorded(camera) is None
+        assert filmed.files_of(camera) == []
+    assert filmed.files_of("./0") == [Path("0")]
