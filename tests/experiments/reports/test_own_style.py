@@ -67,3 +67,28 @@ def test_every_function_that_makes_a_figure_draws_it_in_our_style():
                 made += 1
                 assert "our_style()" in map(ast.unparse, one.decorator_list), (file, one.name)
     assert made > 20
+
+
+SAYS = """
+from experiments.cli.error_words import error_words
+try:
+    import matplotlib.figure
+except UnicodeDecodeError as error:
+    print(error_words(error))
+"""
+
+
+def test_a_style_that_is_no_text_is_named_in_one_line(tmp_path: Path):
+    """It was a byte at a place, of no file."""
+    (tmp_path / "matplotlibrc").write_bytes(b"font.size: 12  # caf\xe9\n")
+    done = subprocess.run(
+        [sys.executable, "-c", SAYS],
+        cwd=tmp_path,
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    said = done.stdout.splitlines()
+    assert len(said) == 1
+    assert said[0].startswith("matplotlibrc, matplotlib's own settings, is no UTF-8 text")
