@@ -23,13 +23,6 @@ PANELS = 8  # in a line; chosen: the shipped grid's plays
 BAR_CELLS = 10  # chosen: from here on the bar's label fits beside the map
 
 
-def _is_dark(colour: np.ndarray) -> bool:
-    """Whether white letters stand out more than black ones from a colour (3,) of sRGB (WCAG 2)."""
-    light = np.where(colour <= 0.03928, colour / 12.92, ((colour + 0.055) / 1.055) ** 2.4)
-    luminance = float(np.dot([0.2126, 0.7152, 0.0722], light))
-    return (luminance + 0.05) ** 2 < 1.05 * 0.05
-
-
 @our_style()
 def map_figure(results: Mapping, out: Path) -> Path:
     """Draw the gain over no compensator [cm] of every condition in every cell; returns the PNG
@@ -43,7 +36,7 @@ def map_figure(results: Mapping, out: Path) -> Path:
         [[c["arms"][a]["against_without"]["effect"] for a in conditions] for c in cells]
     )
     names = [c["key"].replace(" | ", " · ") for c in cells]
-    wide = 1.4 + 0.077 * max(map(len, names)) + 0.95 * len(conditions)
+    wide = 1.4 + 0.077 * max(map(len, names)) + 0.6 * len(conditions)
     few = len(cells) < BAR_CELLS  # a low map: the label has no room beside the bar
     high = 0.5 + 0.045 * max(map(len, conditions)) + 0.24 * len(cells) + few
     figure, ax = subplots(figsize=(wide, high))
@@ -55,8 +48,6 @@ def map_figure(results: Mapping, out: Path) -> Path:
             known = bool(np.isfinite(gain[i, j]))  # else the field is white
             text = f"{gain[i, j]:+z.2f}" if known else "lost"
             weight, style = ("bold", "normal") if sure else ("normal", "italic")
-            dark = known and _is_dark(np.array(image.to_rgba(gain[i, j])[:3]))
-            colour = "white" if dark else "black"
             ax.text(
                 j,
                 i,
@@ -66,7 +57,6 @@ def map_figure(results: Mapping, out: Path) -> Path:
                 fontsize=9,
                 weight=weight,
                 style=style,
-                color=colour,
             )
     ax.set_xticks(range(len(conditions)), conditions, rotation=30, ha="left")
     ax.xaxis.tick_top()

@@ -11,7 +11,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib import colormaps
 from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from matplotlib.transforms import blended_transform_factory
@@ -23,9 +25,10 @@ from rig.log import Log, shown_angles
 # With, without, and what is wanted, in every figure; told apart by the colour-blind, too (a test).
 WITH, WITHOUT, CENTRE = "#d62728", "#1f4fd8", "#00b39b"
 ARMS = {"without": "without play compensation", "with": "with play compensation"}
-HELPS_HURTS = (
-    "BrBG"  # green-blue helps, brown hurts: neither is the colour of an arm, or of red-green
-)
+# Green-blue helps, brown hurts: neither is the colour of an arm, or of red-green. The pale part of
+# it: black letters have a contrast above 4.5 on every cell, and in the dark, where they are
+# turned into white ones, too (a test).
+HELPS_HURTS = ListedColormap(colormaps["BrBG"](np.linspace(0.27, 0.73, 256)), "helps-hurts")
 SOURCES = {"simulated": "virtual rig", "measured": "measured"}
 _CM = 100.0
 TIME_IN = 4.8, 2.5  # of figures over time; chosen: half a sheet's width leaves letters of 7 points
@@ -331,8 +334,7 @@ def play_map(cells: Sequence[dict], measure: str, title: str, unit: str) -> Figu
         word = verdict_word(result)
         numbers = (f"{factor * result[key]:+z.{digits}f}" for key in ("effect", "low", "high"))
         text = "{}\n[{}, {}]\n".format(*numbers) + word
-        dark = abs(value[i, j]) > 0.6 * top
-        axis.text(j, i, text, ha="center", va="center", fontsize=9, color="w" if dark else "k")
+        axis.text(j, i, text, ha="center", va="center", fontsize=9)
     image = axis.imshow(value, cmap=HELPS_HURTS, vmin=-top, vmax=top, origin="lower", aspect="auto")
     axis.set_xticks(range(len(gears)), [f"{g:g}" for g in gears])
     axis.set_yticks(range(len(joints)), [f"{g:g}" for g in joints])

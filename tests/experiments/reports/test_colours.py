@@ -1,10 +1,14 @@
 """With is red, without is blue, what is wanted is green: everywhere, and for the colour-blind."""
 
+import re
+
 import numpy as np
 import pytest
+from matplotlib import colormaps
 
 from experiments.dashboard.view.scene import ARMS
-from experiments.reports.figures import CENTRE, WITH, WITHOUT, colour_of
+from experiments.reports.figures import CENTRE, HELPS_HURTS, WITH, WITHOUT, colour_of
+from tests.support import ROOT
 
 # Machado, Oliveira, Fernandes 2009: full dichromacy, on linear RGB.
 BLIND = {
@@ -41,3 +45,35 @@ def test_the_three_colours_are_told_apart(kind: str):
 def test_a_colour_means_one_thing_in_figures_and_on_the_plate():
     assert (colour_of("with"), colour_of("without")) == (WITH, WITHOUT)
     assert {arm: tuple(rgb(colour_of(arm))) for arm in ARMS} == ARMS
+
+
+# The page's filter in the dark, as https://www.w3.org/TR/filter-effects-1 has it: light and dark
+# change places, and hues turn by half a circle.
+TURN = np.array([[-0.574, 1.430, 0.144], [0.426, 0.430, 0.144], [0.426, 1.430, -0.856]])
+
+
+def in_the_dark(colour: np.ndarray, share: float) -> np.ndarray:
+    return np.clip(TURN @ (share * (1.0 - colour) + (1.0 - share) * colour), 0.0, 1.0)
+
+
+def luminance(colour: np.ndarray) -> float:
+    light = np.where(colour <= 0.03928, colour / 12.92, ((colour + 0.055) / 1.055) ** 2.4)
+    return float(light @ [0.2126, 0.7152, 0.0722])
+
+
+@pytest.mark.parametrize(
+    "file", ["reports/templates/style.css", "dashboard/server/shell.css"], ids=lambda name: name
+)
+def test_letters_on_every_cell_of_a_map_are_read_in_the_light_and_in_the_dark(file: str):
+    """Half of the cells had a contrast of 2.5 to 4.5 in the dark."""
+    told = re.findall(
+        r"invert\(([\d.]+)\) hue-rotate\(180deg\)", (ROOT / "experiments" / file).read_text()
+    )
+    assert told
+    black = np.zeros(3)
+    for part in np.linspace(0.0, 1.0, 101):
+        cell = np.array(colormaps.get_cmap(HELPS_HURTS)(part)[:3])
+        assert luminance(cell) + 0.05 > 4.5 * 0.05
+        for share in map(float, told):
+            letters = luminance(in_the_dark(black, share)) + 0.05
+            assert letters > 4.5 * (luminance(in_the_dark(cell, share)) + 0.05)
