@@ -203,11 +203,13 @@ class App:
         self.gap.refresh()
 
     def _steps_done(self) -> tuple[bool, ...]:
-        """Which steps of the tour are done."""
-        both = both_completed(self.results.rows)
+        """Which steps of the tour are done. An earlier program's pair of runs counts where Results
+        shows it: else that step would promise a sentence that is not there.
+        """
+        compared = self.results.compared
         return (
-            both,
-            both and self.results.compared,
+            compared or both_completed(self.results.shown),
+            compared,
             self._replayed,
             "play" in self.calibrate.accepted,
             self.gap.answer is not None,

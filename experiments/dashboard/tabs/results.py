@@ -187,6 +187,11 @@ class ResultsTab:
         """The recorded runs, newest first."""
         return self._rows
 
+    @property
+    def shown(self) -> list[RunSummary]:
+        """Of those the ones whose figures are shown, or will be: of the protocol that is chosen."""
+        return self._together(self._named(self._protocol.now))
+
     def refresh(self) -> None:
         """Read the folder of runs anew, and draw the figures of what is chosen if it has a new run.
         A protocol that somebody chose stays; else that which was started last is shown, or that of
@@ -200,7 +205,7 @@ class ResultsTab:
         self._tell_others()
         self._recover.visible = any(row.outcome == UNFINISHED for row in self._rows)
         new = _ended(self._rows) - _ended(before)
-        if any(row.folder in new for row in self._together(self._named(self._protocol.now))):
+        if any(row.folder in new for row in self.shown):
             self.figures()
 
     def _named(self, chosen: str) -> str:

@@ -5,11 +5,13 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from experiments.dashboard.app import App
 from experiments.dashboard.server.controls import Controls
 from experiments.dashboard.server.server import open_server
 from experiments.dashboard.session.live import LiveBuffer
 from experiments.dashboard.session.tasks import DrawnFigures, RunSummary, list_runs
 from experiments.dashboard.tabs.results import ResultsTab, card, table
+from experiments.dashboard.tabs.tour import next_step
 from experiments.records.recording import write_run
 from rig.log import Log
 
@@ -60,3 +62,34 @@ def test_while_new_figures_are_drawn_the_old_ones_are_called_so(tmp_path: Path):
     assert "drawn before" not in said[0]  # there was nothing
     assert "What is below was drawn before.** New figures come, of the newest 2 runs" in said[2]
     assert said[1] == said[3] == ""
+
+
+def test_an_older_pair_of_another_protocol_is_not_what_is_shown(tmp_path: Path):
+    """After a restart the guide led to Results for a sentence that is not there."""
+    server, _ = open_server("127.0.0.1", 0, "a-token-of-some-length-for-tests")
+    controls = Controls(lambda *what: None, print)
+    log = Log.from_columns({"t_s": np.arange(5) / 200})
+    for day, protocol, method in (
+        (1, "circle", "with"),
+        (2, "circle", "without"),
+        (3, "hold", "with"),
+    ):
+        start = {"source": "simulated", "arm": method, "seed": 1, "protocol": {"name": protocol}}
+        write_run(tmp_path / f"runs/2026010{day}T000000", start, log, [], "completed")
+    worker = SimpleNamespace(put=lambda item, instead: None, check_free=lambda name: None)
+    try:
+        tab = ResultsTab(
+            server, controls, worker, tmp_path, LiveBuffer(500.0), lambda page, path: None
+        )  # pyright: ignore[reportArgumentType]
+        app = SimpleNamespace(
+            results=tab,
+            _replayed=False,
+            calibrate=SimpleNamespace(accepted=()),
+            gap=SimpleNamespace(answer=None),
+        )
+        assert next_step(App._steps_done(app)) == 0  # pyright: ignore[reportArgumentType]
+        tab.compared = True  # by this program, before
+        assert next_step(App._steps_done(app)) == 2  # pyright: ignore[reportArgumentType]
+    finally:
+        controls.queue.close()
+        server.stop()
