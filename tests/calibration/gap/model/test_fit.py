@@ -14,7 +14,6 @@ from calibration.gap.model import noise
 from calibration.gap.model.cost import HUBER_Z, loss, weights
 from calibration.gap.model.data import Roll
 from calibration.gap.model.fit import (
-    _along_axis,
     bounded_step,
     differences,
     evaluate,
@@ -281,34 +280,6 @@ def test_in_a_narrow_valley_the_fit_ends_as_low_as_powells_method():
     other = minimize(cost, first, method="Powell", bounds=list(zip(low, high, strict=True)))
     assert cost(first) - other.fun > 300.0
     assert cost(first) - state.fit.cost > 0.97 * (cost(first) - other.fun)
-
-
-class Slope:
-    """Stands for a problem of one parameter whose C falls to a far kink, and counts what is asked
-    of it."""
-
-    def __init__(self, kink: float) -> None:
-        self.kink, self.asked = kink, 0
-
-    def value(self, at):
-        return np.array([at])
-
-    def cost(self, at) -> float:
-        return abs(at - self.kink)
-
-    def moved(self, at, step):
-        self.asked += 1
-        return at + float(step[0])
-
-
-@given(st.floats(-1e6, 1e6))
-def test_a_far_kink_is_reached_by_steps_that_grow(kink: float):
-    slope, at, rounds = Slope(kink), 0.0, 0
-    while abs(at - kink) > 1.0 and rounds < 40:
-        at, _ = _along_axis(slope, at, np.zeros((1, 1)), np.array([1.0]))  # type: ignore[arg-type]
-        rounds += 1
-    assert abs(at - kink) <= 1.0
-    assert slope.asked <= 2 * (2 + np.log2(1 + abs(kink))) ** 2
 
 
 def test_at_the_upper_bound_the_difference_goes_down():
