@@ -10,7 +10,7 @@ from tests.support import ROOT
 from tests.support.worlds import WORLDS, logs
 from tests.support.worlds.belts import Belt, belt_step
 from tests.support.worlds.loops import run_axis, run_positions
-from tests.support.worlds.plant import G_m_s2, STEP_s, ball_step, servo_step
+from tests.support.worlds.plant import TOOTH_RAD, G_m_s2, STEP_s, ball_step, servo_step
 from tests.support.worlds.score import outcome
 
 h = STEP_s
@@ -131,6 +131,22 @@ def test_viscous_friction_differs_by_direction():
     up, down = (axis(np.full(2000, V), drag_V_s=0.1)[-1, 2] for V in (2.0, -2.0))
     assert up == pytest.approx(2.0 / (1.0 / 1.53 + 0.1), rel=1e-6)
     assert down == pytest.approx(-2.0 / (1.0 / 1.53 - 0.1), rel=1e-6)
+
+
+def test_friction_of_one_direction_leaves_the_other_alone():
+    up, down = (axis(np.full(500, V), one_way_V=0.2)[-1, 2] for V in (2.0, -2.0))
+    assert up == pytest.approx(1.53 * 1.8, rel=1e-6)
+    assert down == pytest.approx(-1.53 * 2.0, rel=1e-6)
+
+
+def test_a_tooth_that_rubs_stops_the_shaft_where_its_friction_reaches_the_volts():
+    """F exp(-((theta - theta_0)/w)^2) = V at theta_0 - w sqrt(ln(F/V)): there the speed that 0.2 V
+    give is lost within tau."""
+    tooth = {"tooth_V": 0.6, "tooth_rad": 0.2}
+    stalled = axis(np.full(2000, 0.2), **tooth)[-1, 1]
+    reached = 0.2 - TOOTH_RAD * np.sqrt(np.log(3.0))
+    assert reached < stalled < reached + 1.53 * 0.2 * 0.025
+    assert axis(np.full(2000, 0.7), **tooth)[-1, 1] > 0.5
 
 
 def reversal(p, coming_V, going_V):

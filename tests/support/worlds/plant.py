@@ -14,6 +14,7 @@ from numba import njit
 STEP_s = 0.00025
 G_m_s2 = 9.81
 CENTRED = 0.3  # share of a servo's angle that a soft centre passes on
+TOOTH_RAD = 0.03  # half width of a tooth that rubs
 BRIDGE_V = 0.1  # volts of the current within which a bridge's loss changes its sign
 
 
@@ -29,6 +30,9 @@ class Servo(NamedTuple):
     softness_rad_s: np.ndarray  # 0: a friction that sticks; else tanh(omega / softness)
     extra_V: np.ndarray  # Stribeck: friction + extra exp(-(omega / speed)^2)
     extra_speed_rad_s: np.ndarray
+    tooth_V: np.ndarray  # more dry friction within TOOTH_RAD of one angle
+    tooth_rad: np.ndarray
+    one_way_V: np.ndarray  # more dry friction in positive direction alone
     drag_V_s: np.ndarray  # V - drag |omega|: viscous friction that differs by direction
     pendulum_V: np.ndarray  # V - pendulum sin(theta)
     spring_V_rad: np.ndarray  # V - spring max(theta - from, 0)
@@ -76,6 +80,8 @@ def speed_after(omega, theta, V, lead, p, i, h):
     u -= p.pendulum_V[i] * math.sin(theta) + p.drag_V_s[i] * abs(omega)
     u -= p.spring_V_rad[i] * max(theta - p.spring_from_rad[i], 0.0)
     level = p.friction_V[i] + p.extra_V[i] * math.exp(-((omega / p.extra_speed_rad_s[i]) ** 2))
+    level += p.tooth_V[i] * math.exp(-(((theta - p.tooth_rad[i]) / TOOTH_RAD) ** 2))
+    level += p.one_way_V[i] if omega > 0.0 or (omega == 0.0 and u > 0.0) else 0.0
     u -= p.bridge_V[i] * math.tanh((V - omega / p.gain_rad_s_V[i]) / BRIDGE_V)
     decay = math.exp(-h / p.tau_s[i])
     reach = (1.0 - decay) * p.gain_rad_s_V[i]

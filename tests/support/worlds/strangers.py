@@ -105,3 +105,81 @@ def slipping_ball(seed: int) -> World:
     """An oily plate: friction coefficient 0.006, the ball slides where the plate is steep."""
     rng = np.random.default_rng(seed)
     return unknown(table_log(rng, {}, {"mu": 0.006}, {}))
+
+
+def rubbing_tooth(seed: int) -> World:
+    """A tooth that rubs: at one angle of each servo 0.3 to 0.6 V more of dry friction."""
+    rng = np.random.default_rng(seed)
+    tooth = {"tooth_V": rng.uniform(0.3, 0.6, 2), "tooth_rad": rng.uniform(-0.1, 0.1, 2)}
+    return unknown(table_log(rng, tooth, {}, {}))
+
+
+def one_way_friction(seed: int) -> World:
+    """Dry friction F of 0.15 to 0.3 V in one direction of the turn alone: while it turns equal to
+    a friction of F/2 and an offset of -F/2."""
+    rng = np.random.default_rng(seed)
+    columns = table_log(rng, {"one_way_V": rng.uniform(0.15, 0.3, 2)}, {}, {})
+    return unknown(columns, "coulomb_friction", "voltage_offset")
+
+
+def _smoothed(frames: np.ndarray, share: float) -> np.ndarray:
+    """Frames (n,), NaN where none came, by the recursion s += share (frame - s)."""
+    seen = np.flatnonzero(np.isfinite(frames))
+    out, value = frames.copy(), frames[seen[0]]
+    for row in seen:
+        value += share * (frames[row] - value)
+        out[row] = value
+    return out
+
+
+def smoothing_tracker(seed: int) -> World:
+    """A tracker that smooths places with a time constant of 40 to 100 ms."""
+    rng = np.random.default_rng(seed)
+    columns = table_log(rng, {}, {}, {})
+    share = 1.0 - np.exp(-1.0 / 60.0 / rng.uniform(0.04, 0.1))
+    for name in ("ball_x_m", "ball_y_m"):
+        columns[name] = _smoothed(columns[name], share)
+    return unknown(columns, "camera_delay")
+
+
+def losing_encoder(seed: int) -> World:
+    """An encoder that loses 3 to 6 % of its counts where the servo turns faster than 1.2 rad/s."""
+    rng = np.random.default_rng(seed)
+    columns, lost = table_log(rng, {}, {}, {}), rng.uniform(0.03, 0.06)
+    for name in ("theta_x_rad", "theta_y_rad"):
+        turned = np.diff(columns[name], prepend=columns[name][:1])
+        speed = np.convolve(turned * 500.0, np.full(9, 1.0 / 9.0), mode="same")
+        columns[name] = np.cumsum(np.where(np.abs(speed) > 1.2, 1.0 - lost, 1.0) * turned)
+    return unknown(columns)
+
+
+def heating_motors(seed: int) -> World:
+    """Motors that lose 10 to 20 % of their gain as they heat up, with a time constant of 15 s."""
+    rng = np.random.default_rng(seed)
+    columns, lost = table_log(rng, {}, {}, {}), rng.uniform(0.1, 0.2)
+    gain = 1.0 - lost * (1.0 - np.exp(-columns["t_s"] / 15.0))
+    for name in ("voltage_x_V", "voltage_y_V"):
+        columns[name] = columns[name] / gain
+    return unknown(columns, "gain_drift")
+
+
+def yielding_mount(seed: int) -> World:
+    """A camera whose mount gives way: the picture moves by 4 to 10 mm for each radian of an arm."""
+    rng = np.random.default_rng(seed)
+    columns, gives = table_log(rng, {}, {}, {}), rng.uniform(0.004, 0.01, 2)
+    for name, angle, m_rad in zip(
+        ("ball_x_m", "ball_y_m"), ("theta_x_rad", "theta_y_rad"), gives, strict=True
+    ):
+        columns[name] = columns[name] + m_rad * columns[angle]
+    return unknown(columns)
+
+
+def smoothed_angles(seed: int) -> World:
+    """Angles that the recorder smooths with a time constant of 8 to 20 ms: a camera that is earlier
+    by as much."""
+    rng = np.random.default_rng(seed)
+    columns = table_log(rng, {}, {}, {})
+    share = 1.0 - np.exp(-0.002 / rng.uniform(0.008, 0.02))
+    for name in ("theta_x_rad", "theta_y_rad"):
+        columns[name] = _smoothed(columns[name], share)
+    return unknown(columns, "camera_delay")
