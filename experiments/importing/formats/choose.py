@@ -17,7 +17,7 @@ from experiments.importing.formats.numpy_files import read_npy, read_npz
 from experiments.importing.formats.packed import ENDING, unpacked
 from experiments.importing.formats.tables import read_lerobot, read_parquet
 from experiments.importing.formats.tdms import read_tdms
-from experiments.importing.formats.text import read_text
+from experiments.importing.formats.text_tables.text import read_text
 from experiments.importing.recording import BadFileError, Recording, Stream, joined
 from rig.files import printable
 

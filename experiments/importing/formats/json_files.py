@@ -8,10 +8,10 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from experiments.importing.formats.clock_text import clock_seconds, is_clock
-from experiments.importing.formats.encodings import encoding_of
 from experiments.importing.formats.matlab import streams_of
 from experiments.importing.formats.messages import Columns, messages_of_lines, numbers
+from experiments.importing.formats.text_tables.clock_text import clock_seconds, is_clock
+from experiments.importing.formats.text_tables.encodings import encoding_of
 from experiments.importing.recording import BadFileError, Stream, check_size, once_each
 from experiments.records.csv_files import lines_of
 

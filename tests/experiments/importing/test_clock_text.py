@@ -9,7 +9,7 @@ import pytest
 from experiments.importing.clock import growing_on, read_clock
 from experiments.importing.conversion import convert
 from experiments.importing.formats.choose import read_recording
-from experiments.importing.formats.clock_text import clock_seconds
+from experiments.importing.formats.text_tables.clock_text import clock_seconds
 from experiments.importing.import_map import TimeMap
 from experiments.importing.proposal import propose
 from experiments.importing.recording import Stream

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from experiments.importing.conversion import convert
-from experiments.importing.formats.text import read_text
+from experiments.importing.formats.text_tables.text import read_text
 from experiments.importing.import_map import ImportMap
 from experiments.importing.recording import BadFileError, Stream
 

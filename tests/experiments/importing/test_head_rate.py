@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from experiments.importing.formats.choose import read_recording
-from experiments.importing.formats.head_rate import time_by_rate
+from experiments.importing.formats.text_tables.head_rate import time_by_rate
 from experiments.importing.proposal import propose
 
 ROWS = {"x": np.sin(np.arange(40.0))}

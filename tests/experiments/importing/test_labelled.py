@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.importing.formats.text import read_text
+from experiments.importing.formats.text_tables.text import read_text
 from experiments.importing.proposal import propose
 from experiments.importing.recording import BadFileError
 

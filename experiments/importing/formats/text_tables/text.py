@@ -10,12 +10,12 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.importing.formats.clock_text import clock_seconds, is_clock
-from experiments.importing.formats.decimals import NumberColumn, is_number
-from experiments.importing.formats.encodings import encoding_of
-from experiments.importing.formats.head_rate import time_by_rate
-from experiments.importing.formats.labelled import is_labelled, labelled
-from experiments.importing.formats.long_form import LongForm
+from experiments.importing.formats.text_tables.clock_text import clock_seconds, is_clock
+from experiments.importing.formats.text_tables.decimals import NumberColumn, is_number
+from experiments.importing.formats.text_tables.encodings import encoding_of
+from experiments.importing.formats.text_tables.head_rate import time_by_rate
+from experiments.importing.formats.text_tables.labelled import is_labelled, labelled
+from experiments.importing.formats.text_tables.long_form import LongForm
 from experiments.importing.recording import (
     MAX_COLUMNS,
     TWICE,

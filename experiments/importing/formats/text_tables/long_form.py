@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from experiments.importing.formats.clock_text import is_clock
-from experiments.importing.formats.decimals import is_number
+from experiments.importing.formats.text_tables.clock_text import is_clock
+from experiments.importing.formats.text_tables.decimals import is_number
 from experiments.importing.names import hint, words_of
 from experiments.importing.recording import Stream, check_size
 

@@ -5,8 +5,8 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
-from experiments.importing.formats.clock_text import clock_seconds, is_clock
 from experiments.importing.formats.messages import messages_of_lines
+from experiments.importing.formats.text_tables.clock_text import clock_seconds, is_clock
 from experiments.importing.recording import Stream, once_each
 from experiments.importing.units import canonical
 
