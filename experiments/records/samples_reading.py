@@ -50,6 +50,7 @@ SHORTEST_ROW = 2  # bytes of a row's data: a tag and a time
 # Rows of another layout, which are decoded one by one; a longer file may hold what its size allows.
 # Chosen: three seconds' work, three minutes at 500 Hz.
 LEAST_ROWS = 100_000
+MOST_LAYOUTS = 16  # of rows, that are made ready; chosen: a tool that rewrites a recording has one
 OWN_ROWS = -1  # not an opcode: a block of rows in our own layout
 ENDS = (0x01, FOOTER, 0x0F)  # header, footer, end of data
 INDEXES = range(0x07, 0x0F)  # indexes, statistics, attachments, metadata: of finished files
@@ -84,6 +85,8 @@ class _Reading:
     # The channel whose rows have our own layout: the usual one, should its declaration be damaged.
     own_layout: int | None = CHANNEL_ID[SAMPLES]
     decode: Callable[[bytes], Any] | None = None  # a row that has another layout
+    layout: Any = None  # the schema of `decode`
+    layouts: int = 0  # that were made ready so far
     blocks: list[np.ndarray] = field(default_factory=list)
     numbers: list[np.ndarray] = field(default_factory=list)  # of the blocks' rows, in sequence
     events: list[dict] = field(default_factory=list)
@@ -93,6 +96,7 @@ class _Reading:
     foreign: bool = False  # more was understood than rows and events can hold
     room: Room = field(default_factory=lambda: Room(0))
     row_room: int = LEAST_ROWS  # messages but events that may still be taken one by one
+    other_room: int = LEAST_ROWS  # and other records; below 0 only our own rows are looked for
     event_room: int = MOST_EVENT_BYTES  # bytes that events may still have; below 0: some are out
     inside: bool = False  # a chunk
     has_chunks: bool = False
@@ -107,7 +111,9 @@ def read_samples(data: bytes) -> SamplesFile:
     """
     room = MOST_RATIO * len(data)
     reading = _Reading(
-        room=Room(max(room, LEAST_BYTES)), row_room=max(room // RECORD.itemsize, LEAST_ROWS)
+        room=Room(max(room, LEAST_BYTES)),
+        row_room=max(room // RECORD.itemsize, LEAST_ROWS),
+        other_room=max(len(data), LEAST_ROWS),
     )
     records = data[len(MAGIC) :]
     _read(records.removesuffix(MAGIC), reading)
@@ -186,16 +192,20 @@ def _records(buffer: bytes, reading: _Reading) -> Iterator[tuple[int, Any]]:
         after = place.begin if place else len(buffer)
         opcode, length = struct.unpack_from("<BQ", buffer, position)
         end = position + HEAD + length
-        if opcode == ATTACHMENT and _is_attachment(buffer, position, end):
+        reading.other_room -= 1
+        if reading.other_room < -LEAST_ROWS:
+            break
+        if opcode == ATTACHMENT and not reading.inside and _is_attachment(buffer, position, end):
             yield opcode, buffer[position + HEAD : end]
             position = end
             continue
         whole = opcode != 0 and end <= after  # not half a record, nor zeros of a power cut
-        if opcode == MESSAGE and reading.row_room < 0:
+        if (reading.row_room if opcode == MESSAGE else reading.other_room) < 0:
             whole = False  # it is no recording: the next row of our own is what counts
         stop = end if whole else after
         begin = _next_row(buffer, position + 1, stop, reading.own_layout)
         if whole and (opcode == CHUNK or begin == end):
+            reading.other_room += opcode == MESSAGE
             yield opcode, buffer[position + HEAD : end]
             position = end
             continue
@@ -319,14 +329,20 @@ def _take_channel(content: bytes, reading: _Reading) -> None:
         return
     if schema.data == sample_schema():
         reading.own_layout = channel.id
+    if schema == reading.layout:
+        return
+    if reading.layouts == MOST_LAYOUTS:
+        raise ValueError("more layouts than a recording has")
+    reading.layouts += 1
     reading.decode = DecoderFactory().decoder_for("protobuf", schema)
+    reading.layout = schema
 
 
 def _take_message(content: bytes, reading: _Reading) -> None:
     """Take one event, or one row that is not in our own layout."""
     payload = content[MESSAGE_HEAD:]
     topic = reading.topics.get(struct.unpack_from("<H", content)[0])
-    reading.row_room -= topic != EVENTS
+    reading.row_room -= 1
     if len(payload) < SHORTEST_ROW:
         raise ValueError("a message without a time")
     if len(payload) > LONGEST_MESSAGE:
@@ -370,6 +386,7 @@ def _take_event(payload: bytes, reading: _Reading) -> None:
     if reading.event_room < 0:
         event = {"text": LEFT_OUT, "t_s": event["t_s"]}
     reading.events.append({**event, "t_s": float(event["t_s"])})
+    reading.row_room += 1  # it had a room of its own
 
 
 def _take_rows(rows: np.ndarray, numbers: np.ndarray, reading: _Reading) -> None:

@@ -7,6 +7,7 @@ on one clock for all topics: `TOPIC.time`. A message's own stamp is a column of 
 
 import json
 import os
+import struct
 from array import array
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
@@ -31,6 +32,10 @@ from experiments.records.unpacking import Room, unpacked
 # Bytes of a message that is decoded, which may take a hundred times as many; chosen: a longer one
 # is a picture or a point cloud.
 LONGEST_MESSAGE = 1 << 18
+# Records in the chunks of a file of any size, of a larger one as many as it has bytes; chosen: a
+# small message takes some bytes even where its neighbours are like it.
+LEAST_RECORDS = 100_000
+RECORD_HEAD = struct.Struct("<BQ")  # kind, and length of what follows
 MAGIC = b"\x89MCAP0\r\n"  # a file that was not cut off ends with it, too
 PLAIN_CDR = (b"\0\0", b"\0\1")  # a message's first two bytes: high byte first, low byte first
 
@@ -129,13 +134,14 @@ def _messages(file: IO[bytes], lost: list[str]) -> Iterator[tuple[Any, Any, Any]
 def _records(file: IO[bytes]) -> Iterator[Any]:
     """Yield the records of a file and, in place of its chunks, theirs.
 
-    McapError, ValueError: a checksum is wrong, where the file has one, or a chunk is not whole.
+    McapError, ValueError: a checksum is wrong, where the file has one, a chunk is not whole, or the
+    chunks hold more records than the file has bytes.
     """
     from mcap.exceptions import EndOfFile
     from mcap.records import Chunk
     from mcap.stream_reader import StreamReader
 
-    room = Room(8 * MAX_CELLS)
+    room, most = Room(8 * MAX_CELLS), max(LEAST_RECORDS, os.fstat(file.fileno()).st_size)
     for record in StreamReader(file, emit_chunks=True, validate_crcs=True).records:
         if not isinstance(record, Chunk):
             yield record
@@ -143,8 +149,20 @@ def _records(file: IO[bytes]) -> Iterator[Any]:
         data = unpacked(record, room)
         if len(data) < record.uncompressed_size:
             raise BadFileError("a chunk is not whole")
+        most -= _count(data, most)
         with suppress(EndOfFile):  # a chunk has no footer
             yield from StreamReader(BytesIO(data), skip_magic=True, emit_chunks=True).records
+
+
+def _count(data: bytes, most: int) -> int:
+    """How many records a chunk holds, those of unknown kinds too. BadFileError: more than most."""
+    count = at = 0
+    while at + RECORD_HEAD.size <= len(data):
+        at += RECORD_HEAD.size + RECORD_HEAD.unpack_from(data, at)[1]
+        count += 1
+        if count > most:
+            raise BadFileError("its chunks hold more records than the file has bytes")
+    return count
 
 
 def _decode(messages: Iterable[Any], topics: Topics, foreign: dict[str, str]) -> None:

@@ -6,9 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import zstandard
+from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
+from mcap.records import Chunk
 from mcap.writer import CompressionType, Writer
 
+from experiments.importing.formats import bags
 from experiments.importing.formats.choose import read_recording
 from experiments.importing.recording import BadFileError
 from tests.support.parts import needs
@@ -105,3 +109,18 @@ def test_a_topic_that_nothing_decodes_is_told(tmp_path: Path):
         writer.finish()
     recording = read_recording(path)
     assert recording.notes == ("/a is left out: nothing here reads cdr of ros2idl",)
+
+
+def test_a_bag_holds_no_more_records_than_its_size_allows(tmp_path: Path, monkeypatch):
+    """10 kB with seven million of a kind that nobody knows were looked at for half a minute."""
+    path = tmp_path / "a.mcap"
+    data = bag(path, chunk_size=512)
+    monkeypatch.setattr(bags, "LEAST_RECORDS", 0)
+    assert len(read_recording(path).stream) == 60
+    flood = struct.pack("<BQ", 0x80, 0) * (len(data) + 100)
+    chunk = Chunk("zstd", zstandard.compress(flood), 0, 0, 0, len(flood))
+    builder = RecordBuilder()
+    chunk.write(builder)
+    path.write_bytes(data[:8] + builder.end() + data[8:])
+    with pytest.raises(BadFileError, match="its chunks hold more records than the file has bytes"):
+        read_recording(path)

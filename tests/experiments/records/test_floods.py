@@ -8,6 +8,9 @@ from zlib import crc32
 import numpy as np
 import pytest
 import zstandard
+from mcap.data_stream import RecordBuilder
+from mcap.records import Channel, Schema
+from mcap_protobuf.decoder import DecoderFactory
 
 from experiments.records import samples_reading, unpacking
 from experiments.records.samples_file import (
@@ -16,6 +19,7 @@ from experiments.records.samples_file import (
     message_records,
     opening,
     plain_ending,
+    sample_schema,
 )
 from experiments.records.samples_reading import read_samples
 from rig.log import COLUMNS
@@ -68,6 +72,73 @@ def test_a_message_counts_where_it_is_no_event(monkeypatch):
         assert len(samples.rows) == count
         assert samples.complete == (count == 3)
         assert len(samples.events) == (18 if count == 3 else 9)
+
+
+def records(*those):
+    builder = RecordBuilder()
+    for one in those:
+        one.write(builder)
+    return builder.end()
+
+
+def record(opcode, content=b""):
+    return struct.pack("<BQ", opcode, len(content)) + content
+
+
+FLOODS = {
+    "unknown": record(0x80),
+    "no channel": record(4),
+    "chunk": record(6),
+    "attachment": record(9, bytes(36)),
+    "bad event": message(b"{}", 2),
+    "row's begin": message_records(example(1), 0).tobytes()[:11],
+}
+
+
+@pytest.mark.parametrize("kind", FLOODS)
+def test_records_that_are_no_rows_are_not_looked_at_without_end(monkeypatch, kind):
+    """A file of 10 kB with seven million of them kept every command for a minute or two."""
+    monkeypatch.setattr(samples_reading, "LEAST_ROWS", 1000)
+    monkeypatch.setattr(samples_reading, "MOST_RATIO", 0)
+    steps, own_rows = [], samples_reading._own_rows
+    monkeypatch.setattr(
+        samples_reading, "_own_rows", lambda *told: steps.append(1) or own_rows(*told)
+    )
+    rows = message_records(example(3), START_NS).tobytes()
+    data = opening() + packed(FLOODS[kind] * 30_000) + packed(rows) + plain_ending()
+    samples = read_samples(data)
+    np.testing.assert_array_equal(samples.rows, example(3))
+    assert samples.unread > 0
+    assert not samples.complete
+    assert len(steps) < len(data) + 3000
+    assert len(data) < 9000
+
+
+def test_events_are_read_whatever_else_there_is_no_room_for(monkeypatch):
+    monkeypatch.setattr(samples_reading, "LEAST_ROWS", 20)
+    monkeypatch.setattr(samples_reading, "MOST_RATIO", 0)
+    events = event_record(EVENTS[0], START_NS, 0) * 99
+    samples = read_samples(opening() + packed(events) + plain_ending())
+    assert len(samples.events) == 99
+    assert samples.complete
+
+
+def test_a_layout_that_many_channels_name_is_made_ready_once(monkeypatch):
+    """A chunk of channels whose rows have a long description kept every command for minutes."""
+    made, ready = [], DecoderFactory.decoder_for
+    monkeypatch.setattr(DecoderFactory, "decoder_for", lambda *told: made.append(1) or ready(*told))
+    tag = message_records(example(1), 0)["cells"]["tag"][0, 0]
+    row = message(struct.pack("<Hd", tag, 1.0))
+    channel = records(Channel(1, "samples", "protobuf", {}, 1))
+    samples = read_samples(opening() + packed(channel * 999 + row) + plain_ending())
+    assert len(samples.rows) == 1
+    assert len(made) == 1
+    # a field that nobody knows makes another one each time
+    layouts = (sample_schema() + struct.pack("<HB", 0xF8, i) for i in range(99))
+    flood = (records(Schema(1, data, "protobuf", "rig.Sample")) + channel for data in layouts)
+    samples = read_samples(opening() + packed(b"".join(flood) + row) + plain_ending())
+    assert len(samples.rows) == 1
+    assert len(made) == 1 + samples_reading.MOST_LAYOUTS
 
 
 @pytest.mark.parametrize("refused", [{"checksum": 1}, {"claimed": (1 << 22) - 1}, "cut"])
