@@ -19,7 +19,8 @@ class Wiring:
     zero_counts: the encoders' counts where the plate is level, by channel; counts_per_rev: after
     quadrature at the load shaft; crossed: motor channel 0 turns the arm that encoder channel 1
     counts, and motor channel 1 that of encoder channel 0. ValueError: an order that names a servo
-    twice or none, a sign that is none or too many or few, or counts_per_rev that no board can take.
+    twice or none, a sign that is none or too many or few, zero_counts that no counter shows, or
+    counts_per_rev that no board can take.
     """
 
     # A file of another version, with other keys, is no wiring.
@@ -46,6 +47,8 @@ class Wiring:
             raise ValueError(
                 f"wiring: signs must be -1 or 1, got {self.sign_volts} and {self.sign_angle}"
             )
+        if not all(-(1 << 31) <= zero < 1 << 31 for zero in self.zero_counts):
+            raise ValueError(f"wiring.zero_counts = {list(self.zero_counts)}: no counter shows it")
         if not 64 <= self.counts_per_rev <= 65535:
             raise ValueError(
                 f"wiring.counts_per_rev = {self.counts_per_rev}: must be from 64 to 65535, "

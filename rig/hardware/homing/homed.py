@@ -3,7 +3,7 @@
 import json
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime, timedelta
-from math import inf
+from math import inf, pi
 from pathlib import Path
 from typing import Any, ClassVar
 from zlib import crc32
@@ -191,7 +191,7 @@ def _check_values(found: Homed) -> None:
     """ValueError: no homing finds such values."""
     if datetime.fromisoformat(found.at).tzinfo is None:
         raise ValueError(f"at = {found.at} has no time zone")
-    if not all(0.0 < travel < inf for travel in found.travel_rad):
+    if not all(0.0 < travel <= 4 * pi for travel in found.travel_rad):  # a servo's turn both ways
         raise ValueError(f"travel_rad = {found.travel_rad} is no way between stops")
     servos = len(found.wiring.order)
     if len(found.travel_rad) != servos or len(found.breakaway_V) not in (0, servos):
