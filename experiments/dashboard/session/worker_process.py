@@ -129,6 +129,12 @@ class WorkerProcess:
             if name in (self._now, *(other.name for other in self._waiting)):
                 raise ValueError(f"{name} is on already: wait, or cancel it")
 
+    def goes_before(self, name: str) -> str:
+        """Name of the work that is being done while work of this name waits; "" where none is."""
+        with self._wake:
+            waits = any(waiting.name == name for waiting in self._waiting)
+            return self._now if waits else ""
+
     def cancel(self, name: str) -> bool:
         """End the work of a name, in the middle if need be.
 

@@ -30,6 +30,7 @@ from experiments.dashboard.session.session import Session
 from experiments.dashboard.session.tasks import RunSummary
 from experiments.dashboard.session.worker_process import WorkerProcess, WorkItem
 from experiments.dashboard.tabs.gallery import Gallery
+from experiments.dashboard.tabs.waits import waits_for
 from experiments.dashboard.view.elapsed import Elapsed
 from experiments.gap.beside import calibrated_beside
 from rig.files import json_of, write_whole
@@ -260,7 +261,9 @@ class CalibrateTab:
             self._share += CREEP * (self._until - self._share)
             far = f", {100 * self._share:.0f} %" if self._until else ""
             copy = "" if self._real else f"\n\n{COPY.format(LONG.get(self._on, ''))}"
-            self._write(f"{far}, {self._elapsed.seconds} s{copy}")
+            waits = waits_for(self._worker, "calibration")
+            said = f", {waits}" if waits else far
+            self._write(f"{said}, {self._elapsed.seconds} s{copy}")
 
     def _write(self, more: str = "", *, done: bool = False) -> None:
         """The verdict; how a step was measured stands below it while it is on, then folded."""

@@ -21,6 +21,7 @@ from experiments.dashboard.session.tasks import RunSummary
 from experiments.dashboard.session.worker_process import WorkerProcess, WorkItem
 from experiments.dashboard.tabs.gallery import Gallery
 from experiments.dashboard.tabs.guess import Guess
+from experiments.dashboard.tabs.waits import waits_for
 from experiments.dashboard.view.elapsed import Elapsed, minutes
 from experiments.gap.beside import HEAD
 from experiments.gap.demo import DEMO_PLAY_RAD
@@ -320,7 +321,8 @@ class GapTab:
             table = f"\n\n{OWN_TABLE}" if self._demo else ""
             before_s = nan if self.answer is None else self.answer.short.took_s
             time = time_words(self._elapsed.seconds, before_s)
-            self._words.content = f"*{self._does}* ({time}){table}"
+            does = waits_for(self._worker, "gap") or self._does
+            self._words.content = f"*{does}* ({time}){table}"
 
     def _end(self, answer: GapAnswer) -> None:
         self.answer, self._does = answer, ""

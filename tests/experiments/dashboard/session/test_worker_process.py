@@ -75,6 +75,19 @@ def test_work_is_cancelled_and_the_next_piece_is_served(worker):
     assert on_message(worker, "good", good)[-1][0] == "done"
 
 
+def test_who_waits_is_told_what_goes_before(worker):
+    words: Queue = Queue()
+    worker.put(WorkItem("endless", endless, lambda *what: words.put(what)))
+    assert words.get(timeout=120) == ("progress", ("on", 0, 1))
+    assert worker.goes_before("endless") == worker.goes_before("good") == ""
+    worker.put(WorkItem("good", good, lambda *what: words.put(what)))
+    assert worker.goes_before("good") == "endless"
+    worker.cancel("endless")
+    while words.get(timeout=120)[0] != "done":
+        pass
+    assert worker.goes_before("good") == ""
+
+
 def test_new_work_takes_the_place_of_the_old_while_that_is_being_done(worker):
     words: Queue = Queue()
     worker.put(WorkItem("work", endless, lambda *what: words.put(what)))

@@ -46,6 +46,10 @@ class SlowCamera:
 class FakeWorker:
     def __init__(self):
         self.items: list[WorkItem] = []
+        self.before = ""  # what is being done meanwhile
+
+    def goes_before(self, name: str) -> str:
+        return self.before
 
     def put(self, item: WorkItem) -> None:
         self.items.append(item)
@@ -257,3 +261,15 @@ def test_stop_ends_the_step_and_what_would_follow_and_says_who_ended_it(tab):
     assert "camera: ended by STOP on a page" in one._verdict.content
     assert one._state["table"] == ""
     assert len(worker.items) == 1
+
+
+def test_a_step_that_waits_for_an_analysis_says_so(virtual, monkeypatch):
+    one, worker = virtual
+    one.begin(("play",))
+    monkeypatch.setattr(one._elapsed, "changed", lambda: True)
+    worker.before = "gap"
+    one.draw()
+    assert "waits until the analysis of the tab Gap" in one._verdict.content
+    worker.before = ""
+    one.draw()
+    assert "waits" not in one._verdict.content

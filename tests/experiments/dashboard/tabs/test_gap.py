@@ -32,6 +32,10 @@ from tests.support.greyed import why
 class FakeWorker:
     def __init__(self):
         self.items: list[WorkItem] = []
+        self.before = ""  # what is being done meanwhile
+
+    def goes_before(self, name: str) -> str:
+        return self.before
 
     def put(self, item: WorkItem) -> None:
         self.items.append(item)
@@ -284,3 +288,16 @@ def test_how_long_the_one_before_took_is_told_in_place_of_a_forecast(gap):
         tab.begin(None, None)
         tab.draw()
         assert ("the one before took 5:10" in tab._words.content) == (number == 1)
+
+
+def test_an_analysis_that_waits_for_a_calibration_says_so(gap, monkeypatch):
+    make, worker, _, _ = gap
+    tab = make()
+    tab.begin(None, None)
+    monkeypatch.setattr(tab._elapsed, "changed", lambda: True)
+    worker.before = "calibration"
+    tab.draw()
+    assert tab._words.content.startswith("*waits until the step of the tab Calibrate that is on")
+    worker.before = ""
+    tab.draw()
+    assert tab._words.content.startswith("*starting")
