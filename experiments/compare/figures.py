@@ -20,7 +20,6 @@ COLOURS = {"without": "#1f4fd8", "with": "#d62728", "adaptive": "#9467bd", "neur
 
 
 PANELS = 8  # in a line; chosen: the shipped grid's plays
-BAR_CELLS = 10  # chosen: from here on the bar's label fits beside the map
 
 
 @our_style()
@@ -36,9 +35,9 @@ def map_figure(results: Mapping, out: Path) -> Path:
         [[c["arms"][a]["against_without"]["effect"] for a in conditions] for c in cells]
     )
     names = [c["key"].replace(" | ", " · ") for c in cells]
-    wide = 1.4 + 0.077 * max(map(len, names)) + 0.6 * len(conditions)
-    few = len(cells) < BAR_CELLS  # a low map: the label has no room beside the bar
-    high = 0.5 + 0.045 * max(map(len, conditions)) + 0.24 * len(cells) + few
+    # As narrow as its numbers and names are: a sheet is half as wide, and shows them half as large.
+    wide = 0.6 + 0.077 * max(map(len, names)) + 0.48 * len(conditions)
+    high = 1.5 + 0.045 * max(map(len, conditions)) + 0.21 * len(cells)
     figure, ax = subplots(figsize=(wide, high))
     image = ax.imshow(gain, cmap=HELPS_HURTS, vmin=-1.0, vmax=1.0, aspect="auto")
     for i, cell in enumerate(cells):
@@ -62,7 +61,7 @@ def map_figure(results: Mapping, out: Path) -> Path:
     ax.xaxis.tick_top()
     ax.set_yticks(range(len(cells)), names, fontsize=9)
     ax.grid(False)
-    bar = figure.colorbar(image, shrink=1.0 if few else 0.5, location="bottom" if few else "right")
+    bar = figure.colorbar(image, location="bottom", aspect=40, pad=0.01, extend="both")
     bar.set_ticks([-1.0, -0.5, 0.0, 0.5, 1.0])
     bar.set_label("gain over no compensator [cm RMS]\ngreen-blue helps, brown harms", fontsize=9)
     return save(figure, out, "compare_map", "simulated")

@@ -18,7 +18,9 @@ from experiments.reports.program import PROGRAM, program_words
 from experiments.reports.units import unbroken
 from rig.files import upright, write_ours
 
-LARGE_PX = 900  # of figures at 150 pixels an inch; chosen: 9 points are 7 pixels of a phone's 360
+DOTS_IN = 150  # of figures, per inch
+SHEET_IN = 7.3  # between the margins of a sheet of A4
+LARGE_IN = 6.0  # of figures; chosen: 9 points are 7 pixels of a phone's 360
 
 
 @dataclass(frozen=True)
@@ -39,8 +41,18 @@ class Picture:
     @property
     def large(self) -> bool:
         """Whether a phone's width would leave its letters too small."""
+        return self.wide_in > LARGE_IN
+
+    @property
+    def whole_sheet(self) -> bool:
+        """Whether a sheet's width makes its letters smaller: then it has all of the height, too."""
+        return self.wide_in > SHEET_IN
+
+    @property
+    def wide_in(self) -> float:
+        """Width [in] for which its letters were chosen."""
         header = base64.b64decode(self.png[:32])  # of a PNG, whose width stands in bytes 16 to 19
-        return int.from_bytes(header[16:20], "big") > LARGE_PX
+        return round(int.from_bytes(header[16:20], "big") / DOTS_IN, 2)
 
 
 @dataclass(frozen=True)

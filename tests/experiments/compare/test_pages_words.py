@@ -7,6 +7,7 @@ from matplotlib.text import Text
 
 from experiments.compare import figures, report
 from experiments.compare.case import Case, Traced
+from experiments.compare.grid import cells as cells_of
 from experiments.compare.grid import read_grid, retuned_names
 from experiments.compare.statistics import EVEN, HARMS, HELPS, OPEN
 from experiments.compare.words import _winners, paper_words, too_few_words, words
@@ -160,3 +161,13 @@ def test_the_words_of_a_map_are_inside_however_few_its_cells(tmp_path, monkeypat
         box = text.get_window_extent()
         assert not text.get_text() or (box.x0 >= 0 and box.x1 <= wide), text
         assert not text.get_text() or (box.y0 >= 0 and box.y1 <= high), text
+
+
+def test_the_map_of_the_shipped_grid_has_letters_of_five_points_on_a_sheet(tmp_path, monkeypatch):
+    grid, drawn = read_grid(None), []
+    monkeypatch.setattr(figures, "save", lambda figure, *_: drawn.append(figure))
+    verdicts = dict.fromkeys([*grid.arms[1:], *retuned_names(grid)], OPEN)
+    places = [cell(one.key, verdicts) | {"key": one.key} for one in cells_of(grid) if not one.fault]
+    figures.map_figure({"cells": places}, tmp_path)
+    sheet_in = (186 / 25.4, 240 / 25.4)
+    assert 9 * min(sheet_in / drawn[0].get_size_inches()) > 5

@@ -86,7 +86,8 @@ def test_the_letters_of_a_large_figure_are_read_on_a_phone(chromium, tmp_path):
     import cv2
 
     figures = []
-    for width_px in (720, 1290):  # half a page's and a whole one's, at 150 pixels an inch
+    widths_px = (720, 1290, 1770)  # of half a page, a whole one and more, at 150 pixels an inch
+    for width_px in widths_px:
         file = tmp_path / f"{width_px}.png"
         cv2.imwrite(str(file), np.full((400, width_px, 3), 255, np.uint8))
         figures.append(Pictures([Picture(file, f"{width_px}")]))
@@ -96,10 +97,11 @@ def test_the_letters_of_a_large_figure_are_read_on_a_phone(chromium, tmp_path):
     )
     phone = opened(chromium, report, 390)
     assert phone.evaluate("document.documentElement.scrollWidth") <= 390
-    small, large = (phone.locator("img").nth(i).bounding_box()["width"] for i in range(2))
+    small, *large = (phone.locator("img").nth(i).bounding_box()["width"] for i in range(3))
     assert small <= 360
-    assert 9 / 72 * large / (1290 / 150) > 9  # pixels of letters of 9 points
-    box = phone.locator(".large .scroll")
+    for shown, width_px in zip(large, widths_px[1:], strict=True):
+        assert 9 / 72 * shown / (width_px / 150) > 9  # pixels of letters of 9 points
+    box = phone.locator(".large .scroll").first
     assert box.evaluate("one => one.scrollWidth > one.clientWidth")
     paper = opened(chromium, report, PRINTED_PX)
     paper.emulate_media(media="print")
@@ -111,6 +113,26 @@ def fades(page, box, left_px: int, right_px: int) -> None:
     page.wait_for_timeout(200)
     for name, wanted_px in (("--fade-start", left_px), ("--fade-end", right_px)):
         expect(box).to_have_css(name, f"{wanted_px}px")
+
+
+def test_a_figure_wider_than_a_sheet_fills_it(chromium, tmp_path):
+    """The map of the shipped comparison had letters of 2.3 points, as a figure of half a sheet."""
+    import cv2
+
+    file = tmp_path / "map.png"
+    cv2.imwrite(str(file), np.full((1800, 1770, 3), 255, np.uint8))
+    blocks = [Pictures([Picture(file, "map")], wide=True)]
+    report = write_page(
+        tmp_path / "report.html",
+        title="f",
+        source="virtual rig",
+        summary=[],
+        sections=[Section("F", blocks)],
+    )
+    paper = opened(chromium, report, PRINTED_PX)
+    paper.emulate_media(media="print")
+    assert paper.locator("img").bounding_box()["width"] > 0.97 * PRINTED_PX
+    assert paper.evaluate(CUT) == 0
 
 
 @pytest.mark.parametrize("touch", [False, True])
