@@ -33,9 +33,10 @@ def alternatives_section(results: dict) -> Section:
 
 
 def _with_interval(value: dict, measure: str) -> str:
+    """Mean and interval of n runs; of one run the value alone, of none that there is none."""
     factor, _ = shown_unit(MEASURES[measure][0])
     mean, low, high = (f"{factor * value[key]:.3f}" for key in ("value", "low", "high"))
-    numbers = f"{mean} [{low}, {high}]"
+    numbers = {0: "no value", 1: mean}.get(value["n"], f"{mean} [{low}, {high}]")
     return f"{numbers}, n = {value['n']}"
 
 
