@@ -19,10 +19,10 @@ if TYPE_CHECKING:
 FREE, TOUCHED, TOOTH = (150, 158, 170), (214, 39, 40), (255, 176, 30)
 TEETH = "/teeth"  # the node of the scene above all gauges
 PLACES = {  # of the four gauges, beside the two servos: the joint's above the gear's
-    ("gear", 0): (0.215, -0.03, -0.03),
-    ("joint", 0): (0.215, -0.03, 0.02),
-    ("gear", 1): (-0.07, 0.215, 0.06),
-    ("joint", 1): (-0.07, 0.215, 0.11),
+    ("gear", 0): (0.225, -0.03, 0.01),
+    ("joint", 0): (0.225, -0.03, 0.06),
+    ("gear", 1): (-0.07, 0.215, 0.09),
+    ("joint", 1): (-0.07, 0.215, 0.14),
 }
 
 

@@ -39,6 +39,12 @@ def grid_numbers(side_m: float) -> list[tuple[str, tuple[float, float, float]]]:
     return found
 
 
+def axis_letters(side_m: float) -> list[tuple[str, tuple[float, float, float]]]:
+    """Names of the axes and their places [m]: where the numbers of the grid end."""
+    off, end = -side_m / 2 - BESIDE_M, side_m / 2 + 0.03
+    return [("x", (end, off, 0.0)), ("y", (off, end, 0.0))]
+
+
 def draw_grid(server: "ViserServer | ClientHandle", plate: str, side_m: float) -> None:
     """Draw grid and numbers under the scene's node `plate`, so that they tilt with it."""
     scene = server.scene

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from experiments.dashboard.view.ghost import noise_alone_m
-from experiments.dashboard.view.grid import BESIDE_M, LETTERS, draw_grid
+from experiments.dashboard.view.grid import LETTERS, axis_letters, draw_grid
 from experiments.dashboard.view.pose import DROP_M, linkage, plate_wxyz
 from experiments.dashboard.view.view_points import FIELD_OF_VIEW_RAD, view_point
 from rig.parameters import Rig
@@ -228,8 +228,7 @@ class TableScene:
             size = (0.03, 0.04, 0.05) if axis == 0 else (0.04, 0.03, 0.05)
             where = shaft - np.array([0.02, 0.0, 0.0]) if axis == 0 else shaft - [0.0, 0.02, 0.0]
             scene.add_box(f"/table/motor_{name}", METAL, size, position=tuple(where))
-            at = np.full(3, -half - BESIDE_M)  # where the numbers of the grid end
-            at[axis], at[2] = half + 0.03, 0.0
+        for name, at in axis_letters(2 * half):
             scene.add_label(
                 f"/table/axis_{name}",
                 name,

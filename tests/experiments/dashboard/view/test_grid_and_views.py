@@ -8,7 +8,14 @@ import pytest
 
 from experiments.dashboard.server.controls import Controls
 from experiments.dashboard.view.backlash_gauges import PLACES
-from experiments.dashboard.view.grid import COARSE_M, FINE_M, grid_lines, grid_numbers
+from experiments.dashboard.view.grid import (
+    COARSE_M,
+    FINE_M,
+    axis_letters,
+    grid_lines,
+    grid_numbers,
+)
+from experiments.dashboard.view.pose import TOOTH_M
 from experiments.dashboard.view.view_points import (
     FIELD_OF_VIEW_RAD,
     NARROW,
@@ -46,6 +53,36 @@ def test_no_gauge_stands_between_the_camera_and_a_number():
     for gauge in PLACES.values():
         for _, place in grid_numbers(SIDE_M):
             assert np.linalg.norm(np.subtract(gauge, place)) > SIDE_M / 2
+
+
+PHONE_PX = (390, 370)  # of the 3-D view, above the panel
+LABEL_PX, LETTER_PX = (92, 24), 12  # of a gauge's two lines, and of an axis's name
+
+
+def on_phone(place) -> np.ndarray:
+    """Pixel of a place in the view of the whole table on a phone."""
+    position, at = map(np.array, view_point("Whole table", SIDE_M))
+    ahead = (at - position) / np.linalg.norm(at - position)
+    right = np.cross(ahead, [0.0, 0.0, 1.0])
+    right /= np.linalg.norm(right)
+    seen = np.array([right, np.cross(ahead, right), ahead]) @ (np.array(place) - position)
+    wide, high = PHONE_PX
+    focal_px = high / 2 / np.tan(field_of_view_rad(wide / high) / 2)
+    return np.array(PHONE_PX) / 2 + focal_px * seen[:2] / seen[2]
+
+
+def test_the_labels_of_the_gauges_are_whole_on_a_phone_and_hide_no_axis():
+    for (kind, _), place in PLACES.items():
+        off_m = (2.2 if kind == "joint" else -2.2) * TOOTH_M
+        end = np.add(place, [0.0, 0.0, off_m])
+        low = on_phone(end) - [LABEL_PX[0] / 2, LABEL_PX[1] if kind == "joint" else 0]
+        high = low + LABEL_PX
+        assert (low > 0).all()
+        assert (high < PHONE_PX).all()
+        for _, letter in axis_letters(SIDE_M):
+            at = on_phone(letter)
+            inside = (at > low - LETTER_PX / 2) & (at < high + LETTER_PX / 2)
+            assert not inside.all(), (kind, place, at, low)
 
 
 def test_a_page_moves_its_own_view_alone_and_may_without_the_controls():
