@@ -3,8 +3,8 @@
 from experiments.dashboard.session.worker_process import WorkerProcess
 
 WORK = {
-    "calibration": "the step of the tab Calibrate that is on",
-    "gap": "the analysis of the tab Gap, which takes minutes,",
+    "calibration": "the step in the tab Calibrate",
+    "gap": "the analysis in the tab Gap",
     "sheets": "the sheets to print",
 }
 
@@ -12,4 +12,4 @@ WORK = {
 def waits_for(worker: WorkerProcess, name: str) -> str:
     """What goes before the work of a name, as a sentence's end; "" where nothing does."""
     other = worker.goes_before(name)
-    return f"waits until {WORK.get(other, other)} has ended" if other else ""
+    return f"waits for {WORK.get(other, other)} to end" if other else ""

@@ -269,7 +269,7 @@ def test_a_step_that_waits_for_an_analysis_says_so(virtual, monkeypatch):
     monkeypatch.setattr(one._elapsed, "changed", lambda: True)
     worker.before = "gap"
     one.draw()
-    assert "waits until the analysis of the tab Gap" in one._verdict.content
+    assert "waits for the analysis in the tab Gap to end" in one._verdict.content
     worker.before = ""
     one.draw()
     assert "waits" not in one._verdict.content

@@ -297,7 +297,7 @@ def test_an_analysis_that_waits_for_a_calibration_says_so(gap, monkeypatch):
     monkeypatch.setattr(tab._elapsed, "changed", lambda: True)
     worker.before = "calibration"
     tab.draw()
-    assert tab._words.content.startswith("*waits until the step of the tab Calibrate that is on")
+    assert tab._words.content.startswith("*waits for the step in the tab Calibrate to end")
     worker.before = ""
     tab.draw()
     assert tab._words.content.startswith("*starting")
