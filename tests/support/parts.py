@@ -98,6 +98,7 @@ PARTS = {
     "foxglove": Part("the live stream for Foxglove", module="foxglove"),
     "gymnasium": Part("the Gymnasium environment", module="gymnasium"),
     "mcap_ros2": Part("rig import of ROS 2 bags", module="mcap_ros2"),
+    "openpyxl": Part("rig import of workbooks", module="openpyxl"),
     "footage": Part(
         "the tracker on real footage",
         file=FOOTAGE,

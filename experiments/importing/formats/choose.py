@@ -18,6 +18,7 @@ from experiments.importing.formats.packed import ENDING, unpacked
 from experiments.importing.formats.tables import read_lerobot, read_parquet
 from experiments.importing.formats.tdms import read_tdms
 from experiments.importing.formats.text_tables.text import read_text
+from experiments.importing.formats.workbooks import read_workbook
 from experiments.importing.recording import BadFileError, Recording, Stream, joined
 from rig.files import printable
 
@@ -42,6 +43,8 @@ READERS = {
     ".tdms": read_tdms,
     ".parquet": read_parquet,
     ".mcap": read_bag,
+    ".xlsx": read_workbook,
+    ".xlsm": read_workbook,
 }
 
 
@@ -68,7 +71,7 @@ def read_recording(path: Path) -> Recording:
         raise BadFileError(
             f"{path}: no kind of recording that is known: {', '.join(READERS)}, the folder "
             "of a LeRobot data set (with meta/info.json) or of a ROS 2 bag, or one of these files "
-            f"with {ENDING} behind; save a spreadsheet's sheet as .csv, unpack what else is packed"
+            f"with {ENDING} behind; save a spreadsheet as .xlsx or .csv, unpack what else is packed"
         )
     try:
         with np.errstate(all="ignore"):  # damaged floats warn where they become doubles

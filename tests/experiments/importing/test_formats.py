@@ -238,7 +238,7 @@ def test_messages_are_sorted_by_their_time_and_lack_what_they_lack(tmp_path: Pat
         ("a.npz", b"PK\x03\x04", "npz"),
         ("a.npy", b"\x93NUMPY", "npy"),
         ("a.npy", b"", "npy"),
-        ("a.xlsx", b"PK", "no kind of recording"),
+        ("a.ods", b"PK", r"no kind of recording.*as \.xlsx or \.csv"),
     ],
 )
 def test_bad_files_get_one_line(name: str, data: bytes, says: str, tmp_path: Path):

@@ -52,12 +52,6 @@ def test_numpys_own_line_of_names(separator: str, tmp_path: Path):
     assert [*read_recording(tmp_path / "a.txt").stream.columns] == names
 
 
-def test_a_spreadsheet_says_what_to_do(tmp_path: Path):
-    (tmp_path / "a.xlsx").write_bytes(b"PK")
-    with pytest.raises(ValueError, match=r"save a spreadsheet's sheet as \.csv"):
-        read_recording(tmp_path / "a.xlsx")
-
-
 def test_names_that_stand_twice_are_told_apart_by_the_line_above(tmp_path: Path):
     rows = "\n".join(f"{k / 50},{np.sin(k):.4f},{np.cos(k):.4f}" for k in K)
     wide = "\n".join(f"{k / 50},{k % 7},{k % 5},{k % 3},{k % 4}" for k in K)

@@ -51,21 +51,22 @@ def read_text(path: Path) -> list[Stream]:
         raise BadFileError(f"it has {size} bytes (limit: {MAX_BYTES}): cut it into parts")
     try:
         with path.open(encoding=encoding_of(path), errors="replace", newline="") as file:
-            return _table(line for line in lines_of(file) if line.strip())
+            return table_of(line for line in lines_of(file) if line.strip())
     except BadFileError:
         raise
     except ValueError as error:
         raise BadFileError(str(error)) from error
 
 
-def _table(lines: Iterator[str]) -> list[Stream]:
-    """The table of these lines, none of which is blank."""
+def table_of(lines: Iterator[str], separators: Sequence[str] = SEPARATORS) -> list[Stream]:
+    """The table of these lines, none of which is blank, with one of these separators.
+    BadFileError, ValueError: as of `read_text`."""
     head = list(islice(lines, PREAMBLE_LINES))
     if not head:
         raise BadFileError("it is empty")
     if is_labelled(head):
         return [labelled(chain(head, lines))]
-    separator, first = _layout(head)
+    separator, first = _layout(head, separators)
     below = (line for line in chain(head[first:], lines) if not line.startswith(ANNOTATIONS))
     cells = _cells(below, separator)
     begin = list(islice(cells, PREAMBLE_LINES))
@@ -133,15 +134,18 @@ def _split(lines: Sequence[str], separator: str) -> list[list[str]]:
         raise BadFileError(f"not readable as a table ({error})") from error
 
 
-def _layout(head: Sequence[str], words_each: float = 0.5) -> tuple[str, int]:
-    """The separator, and the first line of the block of numbers, of the first lines of a file.
-    words_each: how many words a number may stand beside; MOST_WORDS where no line has fewer.
+def _layout(
+    head: Sequence[str], separators: Sequence[str], words_each: float = 0.5
+) -> tuple[str, int]:
+    """The separator, one of `separators`, and the first line of the block of numbers, of the first
+    lines of a file. words_each: how many words a number may stand beside; MOST_WORDS where no line
+    has fewer.
 
     The separator is the one with which the most lines behind the first numeric one look alike.
     BadFileError: no line begins a block of numbers.
     """
     best: tuple[tuple[float, int], str, int] | None = None
-    for rank, separator in enumerate(SEPARATORS):
+    for rank, separator in enumerate(separators):
         if separator != " " and not any(separator in line for line in head):
             continue
         if max(line.count(separator) for line in head) >= MAX_COLUMNS:
@@ -157,7 +161,7 @@ def _layout(head: Sequence[str], words_each: float = 0.5) -> tuple[str, int]:
         if best is None or found[0] > best[0]:
             best = found
     if best is None and words_each < MOST_WORDS:
-        return _layout(head, MOST_WORDS)
+        return _layout(head, separators, MOST_WORDS)
     if best is None:
         raise BadFileError("no rows of numbers were found in it: one row a moment, one column each")
     return best[1], best[2]

@@ -1,0 +1,163 @@
+"""Read the sheets of a workbook (Excel's .xlsx and .xlsm) as tables of text.
+
+Formulas count as what the program that saved the file had worked out for them. Sheets with the same
+columns are sessions of one recording; of others each column bears its sheet's name, as in
+`Run 2/time`.
+"""
+
+import warnings
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from datetime import date, datetime, time, timedelta
+from pathlib import Path
+from typing import IO, Any
+from xml.parsers import expat
+from zipfile import ZipFile
+
+import numpy as np
+
+from experiments.importing.formats.extra import library
+from experiments.importing.formats.text_tables.text import table_of
+from experiments.importing.recording import BadFileError, Stream, check_size
+
+MAX_SHEET_BYTES = 1_000_000_000  # of all sheets, unpacked: as of text; they are read row by row
+# Of a row, which is read at once; chosen: MAX_COLUMNS cells have a twentieth.
+MAX_ROW_BYTES = 10_000_000
+MAX_ROWS = 1_048_576  # of a sheet; Excel's own limit
+MAX_OTHER_BYTES = 50_000_000  # of the rest, read at once; chosen: a million dates as words
+MAX_SHEETS = 1000  # chosen: more than anybody keeps sessions in one file
+BLOCK_BYTES = 1 << 20
+SESSION = "sheet"  # the column that says of which sheet a row is
+
+
+def read_workbook(path: Path) -> list[Stream]:
+    """Read every sheet that holds rows of numbers. BadFileError: none does, it is no workbook, too
+    large, or openpyxl is missing."""
+    openpyxl = library("openpyxl", "a workbook")
+    try:
+        _check_bytes(path)
+        with warnings.catch_warnings(action="ignore"):  # of styles, which are not read
+            book = openpyxl.load_workbook(path, read_only=True, data_only=True)
+            try:
+                return _streams(book)
+            finally:
+                book.close()
+    except BadFileError:
+        raise
+    except Exception as error:  # of damaged bytes openpyxl raises whatever it meets
+        raise BadFileError(
+            f"not readable as a workbook ({error}): save the sheet as .csv"
+        ) from error
+
+
+def _check_bytes(path: Path) -> None:
+    """BadFileError: it unpacks to more than is read, at once or row by row."""
+    with ZipFile(path) as parts:
+        whole = {one: one.file_size for one in parts.infolist()}
+        sheets = [one for one in whole if one.filename.startswith("xl/worksheets/")]
+        size = sum(whole[one] for one in sheets)
+        _check_limit("sheets unpack to", size, MAX_SHEET_BYTES)
+        _check_limit("other parts unpack to", sum(whole.values()) - size, MAX_OTHER_BYTES)
+        for one in sheets:
+            with parts.open(one) as file:
+                _check_rows(file)
+
+
+def _check_limit(what: str, size: int, most: int, unit: str = "bytes") -> None:
+    if size > most:
+        raise BadFileError(f"its {what} {size} {unit} (limit: {most}): save the sheet as .csv")
+
+
+def _check_rows(file: IO[bytes]) -> None:
+    """BadFileError: a sheet's part has more rows than a sheet, or a row that is too long."""
+    parser, begin, rows = expat.ParserCreate(), 0, 0
+
+    def begins(name: str, _: dict[str, str]) -> None:
+        nonlocal begin, rows
+        if name.rpartition(":")[2] == "row":
+            begin, rows = parser.CurrentByteIndex, rows + 1
+
+    parser.StartElementHandler = begins
+    while block := file.read(BLOCK_BYTES):
+        parser.Parse(block)
+        _check_limit("longest row has", parser.CurrentByteIndex - begin, MAX_ROW_BYTES)
+        _check_limit("sheet has", rows, MAX_ROWS, "rows")
+
+
+def _streams(book: Any) -> list[Stream]:
+    """The streams of all sheets, sessions in one."""
+    if len(book.worksheets) > MAX_SHEETS:
+        raise BadFileError(f"it has {len(book.worksheets)} sheets (limit: {MAX_SHEETS})")
+    found: dict[str, Stream] = {}
+    left: list[str] = []
+    for sheet in book.worksheets:
+        sheet.reset_dimensions()  # it may say more than there is
+        try:
+            streams = table_of(_lines(sheet), separators=["\t"])
+        except ValueError as error:  # a sheet of words, for instance
+            left.append(f"sheet {sheet.title}, left out: {error}")
+            continue
+        found |= {f"{sheet.title} {i}" if i else sheet.title: x for i, x in enumerate(streams)}
+    if not found:
+        raise BadFileError("; ".join(left[:3]) or "it has no sheet")
+    streams = [replace(one, notes=(*one.notes, *left)) for one in found.values()]
+    names = [[*one.columns] for one in streams]
+    if len(streams) > 1 and all(one == names[0] for one in names) and SESSION not in names[0]:
+        return [_sessions(streams)]
+    if len(streams) > 1:
+        return [_named(title, one) for title, one in zip(found, streams, strict=True)]
+    return streams
+
+
+def _sessions(streams: Sequence[Stream]) -> Stream:
+    """One stream of several with the same columns, one after the other."""
+    rows = [len(one) for one in streams]
+    check_size(sum(rows), len(streams[0].columns) + 1)
+    columns = {n: np.concatenate([one.columns[n] for one in streams]) for n in streams[0].columns}
+    columns[SESSION] = np.repeat(np.arange(len(rows), dtype=np.float64), rows)
+    units = {n: unit for one in reversed(streams) for n, unit in one.units.items()}
+    notes = tuple(dict.fromkeys(note for one in streams for note in one.notes))
+    return replace(streams[0], columns=columns, units=units, session=SESSION, notes=notes)
+
+
+def _named(title: str, one: Stream) -> Stream:
+    """The stream with its sheet's name before the name of each column."""
+    by_rate = f"{title}/{one.by_rate}" if one.by_rate else None
+    columns, units, unreadable = (
+        {f"{title}/{name}": value for name, value in part.items()}
+        for part in (one.columns, one.units, one.unreadable)
+    )
+    return replace(one, columns=columns, units=units, unreadable=unreadable, by_rate=by_rate)
+
+
+def _lines(sheet: Any) -> Iterator[str]:
+    """The rows of a sheet that are not blank, cells apart by tabs, all as wide as the widest so
+    far."""
+    width = 0
+    for row in sheet.iter_rows(values_only=True):
+        cells = [_text(cell) for cell in row]
+        while cells and not cells[-1]:
+            cells.pop()
+        if cells:
+            width = max(width, len(cells))
+            check_size(0, width)
+            yield "\t".join(cells + [""] * (width - len(cells)))
+
+
+def _text(cell: Any) -> str:
+    """A cell as a table of text has it: times in seconds or as a clock shows them."""
+    match cell:
+        case None:
+            return ""
+        case bool():
+            return str(int(cell))
+        case timedelta():
+            return repr(cell.total_seconds())
+        case datetime() | time():
+            return cell.isoformat(*([" "] if isinstance(cell, datetime) else []))
+        case date():
+            return cell.isoformat()
+        case int() | float():
+            return repr(cell)
+        case _:
+            return " ".join(str(cell).replace('"', "'").split())
