@@ -33,6 +33,7 @@ except KeyboardInterrupt:
 """
 
 
+@pytest.mark.usefixtures("heeded")
 def test_an_interruption_ends_the_processes_and_nothing_else_is_said(tmp_path: Path):
     done = subprocess.run(
         [sys.executable, "-c", INTERRUPTED, str(tmp_path)],

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from experiments.importing.formats import text
+from experiments.importing.formats.text_tables import text
 from experiments.records import csv_files, importing
 from experiments.records.csv_files import blocks_of, lines_of
 

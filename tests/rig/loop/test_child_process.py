@@ -35,6 +35,7 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.usefixtures("heeded")
 @pytest.mark.skipif(not hasattr(os, "killpg"), reason="process groups of POSIX")
 def test_ctrl_c_while_a_child_still_imports_is_for_the_program(tmp_path: Path):
     program, here = tmp_path / "program.py", tmp_path / "child is here"

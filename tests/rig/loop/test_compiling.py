@@ -53,6 +53,7 @@ def test_a_module_that_llvm_has_taken_over_is_not_freed_twice(number):
     assert overloads == "1 0"  # what was compiled is done, what it belongs to is not waited for
 
 
+@pytest.mark.usefixtures("heeded")
 @pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="signals of POSIX")
 def test_ctrl_c_in_the_compiler_is_a_keyboard_interrupt():
     done = subprocess.run(

@@ -52,6 +52,7 @@ def test_a_signal_that_is_never_heard_ends_the_program_with_its_code(number: int
     assert line.startswith(f"ended by {signal.Signals(number).name}, which compiled code did not")
 
 
+@pytest.mark.usefixtures("heeded")
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_a_run_is_stopped_at_once_while_the_main_thread_stands_still(number: int):
     """As in a write to a disk that hangs: the loop would go on for UNHEARD_S."""
