@@ -88,7 +88,7 @@ def _streams(book: Any) -> list[Stream]:
     """The streams of all sheets, sessions in one."""
     if len(book.worksheets) > MAX_SHEETS:
         raise BadFileError(f"it has {len(book.worksheets)} sheets (limit: {MAX_SHEETS})")
-    found: dict[str, Stream] = {}
+    found: list[tuple[str, Stream]] = []
     left: list[str] = []
     for sheet in book.worksheets:
         sheet.reset_dimensions()  # it may say more than there is
@@ -97,15 +97,15 @@ def _streams(book: Any) -> list[Stream]:
         except ValueError as error:  # a sheet of words, for instance
             left.append(f"sheet {sheet.title}, left out: {error}")
             continue
-        found |= {f"{sheet.title} {i}" if i else sheet.title: x for i, x in enumerate(streams)}
+        found += [(f"{sheet.title} {i}" if i else sheet.title, x) for i, x in enumerate(streams)]
     if not found:
         raise BadFileError("; ".join(left[:3]) or "it has no sheet")
-    streams = [replace(one, notes=(*one.notes, *left)) for one in found.values()]
+    streams = [replace(one, notes=(*one.notes, *left)) for _, one in found]
     names = [[*one.columns] for one in streams]
     if len(streams) > 1 and all(one == names[0] for one in names) and SESSION not in names[0]:
         return [_sessions(streams)]
     if len(streams) > 1:
-        return [_named(title, one) for title, one in zip(found, streams, strict=True)]
+        return [_named(title, one) for (title, _), one in zip(found, streams, strict=True)]
     return streams
 
 
@@ -122,12 +122,14 @@ def _sessions(streams: Sequence[Stream]) -> Stream:
 
 def _named(title: str, one: Stream) -> Stream:
     """The stream with its sheet's name before the name of each column."""
-    by_rate = f"{title}/{one.by_rate}" if one.by_rate else None
+    clock, session, by_rate = (
+        f"{title}/{name}" if name else None for name in (one.time, one.session, one.by_rate)
+    )
     columns, units, unreadable = (
         {f"{title}/{name}": value for name, value in part.items()}
         for part in (one.columns, one.units, one.unreadable)
     )
-    return replace(one, columns=columns, units=units, unreadable=unreadable, by_rate=by_rate)
+    return Stream(columns, units, clock, session, one.notes, unreadable, by_rate)
 
 
 def _lines(sheet: Any) -> Iterator[str]:

@@ -81,6 +81,17 @@ def test_columns_of_sheets_that_differ_bear_their_names(tmp_path: Path):
     assert len(stream) == len(K)
 
 
+def test_a_sheet_that_bears_the_name_of_anothers_series_replaces_none(tmp_path: Path):
+    """Series of a table in long form have a clock of their own, which bears the sheet's name too."""
+    series: list[list[Any]] = [["time", "signal", "value"]]
+    series += [[k / 50, name, float(k)] for k in K for name in ("ball_x", "ball_y")]
+    other = [["t", "a", "b"], *([k / 50, 0.5 * k, 2.0 * k] for k in K)]
+    stream = read_recording(saved(tmp_path / "a.xlsx", {"Run": series, "Run 1": other})).stream
+    wanted = ["Run/time", "Run/ball_x", "Run 1/ball_y", "Run 1/t", "Run 1/a", "Run 1/b"]
+    assert [*stream.columns] == wanted
+    assert stream.time == "Run/time"
+
+
 def test_a_cell_far_away_is_no_table_of_so_many_columns(tmp_path: Path):
     book = import_module("openpyxl").Workbook()
     sheet = book.worksheets[0]
