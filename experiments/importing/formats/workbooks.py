@@ -125,11 +125,15 @@ def _named(title: str, one: Stream) -> Stream:
     clock, session, by_rate = (
         f"{title}/{name}" if name else None for name in (one.time, one.session, one.by_rate)
     )
-    columns, units, unreadable = (
-        {f"{title}/{name}": value for name, value in part.items()}
-        for part in (one.columns, one.units, one.unreadable)
+    return Stream(
+        {f"{title}/{name}": values for name, values in one.columns.items()},
+        {f"{title}/{name}": unit for name, unit in one.units.items()},
+        clock,
+        session,
+        one.notes,
+        {f"{title}/{name}": cells for name, cells in one.unreadable.items()},
+        by_rate,
     )
-    return Stream(columns, units, clock, session, one.notes, unreadable, by_rate)
 
 
 def _lines(sheet: Any) -> Iterator[str]:

@@ -82,7 +82,7 @@ def test_columns_of_sheets_that_differ_bear_their_names(tmp_path: Path):
 
 
 def test_a_sheet_that_bears_the_name_of_anothers_series_replaces_none(tmp_path: Path):
-    """Series of a table in long form have a clock of their own, which bears the sheet's name too."""
+    """Series of a table in long form have a clock of their own, which bears its sheet's name."""
     series: list[list[Any]] = [["time", "signal", "value"]]
     series += [[k / 50, name, float(k)] for k in K for name in ("ball_x", "ball_y")]
     other = [["t", "a", "b"], *([k / 50, 0.5 * k, 2.0 * k] for k in K)]
