@@ -10,7 +10,7 @@ with B blocks of the windows that overlap, b the means in each.
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import inf
 
 import numpy as np
@@ -48,19 +48,21 @@ class Prediction:
 def held_out(state: State, outputs: Iterable[str]) -> dict[str, Prediction]:
     """The predictions of a state's model by output, each part of the logs predicted by the fit on
     the other; outputs that one part lacks are left out."""
-    halves = split(state.evidence)
-    found: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
-    outputs = [o for o in outputs if all(half.masks[o].any() for half in halves)]
-    for train, test in (halves, halves[::-1]):
-        fitted = on(state, train, outputs)
-        judged = replace(test, masks={o: test.masks[o] for o in outputs})
-        model = model_of(fitted)
-        for output in outputs:
-            costs = _costs(judged, model, output)
-            found.setdefault(output, []).append((ahead(judged, model, output), costs))
+    first, other = split(state.evidence)
+    outputs = [o for o in outputs if all(half.masks[o].any() for half in (first, other))]
+
+    def judged(pair: tuple[Evidence, Evidence]) -> list[Prediction]:
+        train, test = pair
+        model, test = model_of(on(state, train, outputs)), test.of(outputs)
+        return [Prediction(ahead(test, model, o), _costs(test, model, o)) for o in outputs]
+
+    both = state.evidence.each(judged, ((first, other), (other, first)))
     return {
-        output: Prediction(*(np.concatenate(part) for part in zip(*parts, strict=True)))
-        for output, parts in found.items()
+        output: Prediction(
+            np.concatenate([part.errors for part in parts]),
+            np.concatenate([part.costs for part in parts]),
+        )
+        for output, parts in zip(outputs, zip(*both, strict=True), strict=True)
     }
 
 

@@ -75,8 +75,8 @@ def investigate(
     `notes`: of the program that read the logs, put before those of the findings. `log_names`: of
     the logs in words, one each. `until`: the last stage to run, of STAGES. `tolerances`: effect ->
     half width of its first parameter [its unit], in place of those of rig and catalogue. `quick`:
-    leaves out the regions, the sizes by log, and the rivals in the proof. `threads`: predictions
-    that run at a time. `progress`: called with (stage, done, total); the stage "name" tells what
+    leaves out the regions, the sizes by log, and the rivals in the proof. `threads`: fits or
+    predictions at a time. `progress`: called with (stage, done, total); the stage "name" tells what
     it does as "name: words".
     The answer depends on the logs, the rig and the options alone (`single_threaded`).
 

@@ -280,7 +280,7 @@ def _score(
     )
     if not outputs:
         return 0.0
-    evidence = replace(evidence, masks={output: evidence.masks[output] for output in outputs})
+    evidence = evidence.of(outputs)
     if levels is None:
         model = nominal.model(own.setting)
         evidence = evidence.with_levels(noise.estimate(evidence, model, outputs))

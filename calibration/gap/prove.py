@@ -139,7 +139,9 @@ def prove(models: Mapping[str, State], after: str, levels: np.record) -> Proof:
     """
     states = {k: replace(s, evidence=s.evidence.with_levels(levels)) for k, s in models.items()}
     halves = split(states[after].evidence)
-    fitted = {k: [model_of(on(state, half)) for half in halves] for k, state in states.items()}
+    wanted = [(state, half) for state in states.values() for half in halves]
+    each = iter(wanted[0][0].evidence.each(lambda pair: model_of(on(*pair)), wanted))
+    fitted = {label: [next(each) for _ in halves] for label in states}
     fullest, ahead_floor = _judged(halves, fitted[after])
     floor, source = floors(states[after].nominal.rig, fullest)
     aheads, rows = {"floor": ahead_floor}, []

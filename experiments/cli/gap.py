@@ -1,6 +1,7 @@
 """The command `rig gap`: find where model and table disagree, name it, add it, prove it."""
 
 from collections.abc import Sequence
+from os import cpu_count
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -170,8 +171,9 @@ def _investigate_and_report(
     _check_request(json_file, until, out, logs, rig_file)
     folder = out_folder(out)
     with bars() as progress:
+        threads = cpu_count() or 1
         found = investigate(
-            logs, rig_file, from_s=from_s, until=until, threads=2, progress=progress
+            logs, rig_file, from_s=from_s, until=until, threads=threads, progress=progress
         )
     if json_file is not None:
         write_json(json_file, found.to_json())

@@ -6,10 +6,9 @@ the standard deviation that its filter expects. It weighs nothing where a run la
 where a person held or pushed the ball.
 """
 
-from collections.abc import Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache, cached_property
+from functools import cached_property
 from math import inf
 
 import numpy as np
@@ -17,6 +16,7 @@ import numpy as np
 from calibration.gap.model.kept_fits import KeptFits
 from calibration.gap.model.outliers import outliers
 from calibration.gap.model.parameters import BALL, SERVO, Model
+from calibration.gap.model.side_by_side import Item, Result, side_by_side
 from rig.compiled import compiled
 from rig.log import Log
 from rig.prediction.innovations import (
@@ -181,7 +181,7 @@ class Evidence:
     """Runs of one table with the noise levels (dtype NOISE) of the filters.
 
     `ball_axes`: whether x and y of the ball were seen; `masks`: output -> weights (n,) of its
-    residuals; `threads`: predictions that run at a time; `fits`: kept by all that is made of it.
+    residuals; `threads`: fits or predictions at a time; `fits`: kept by all that is made of it.
     """
 
     runs: tuple[Signals, ...]
@@ -248,25 +248,24 @@ class Evidence:
 
     def rolls(self, wanted: Iterable[tuple[Model, str]]) -> list[Roll]:
         """Predictions for (model, output) pairs, in their order, on `threads` threads."""
-        wanted = list(wanted)
-        if self.threads == 1 or len(wanted) < 2:
-            return [self.roll(model, output) for model, output in wanted]
-        return list(_pool(self.threads).map(lambda pair: self.roll(*pair), wanted))
+        return self.each(lambda pair: self.roll(*pair), wanted)
+
+    def each(self, call: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
+        """`call` of each item, in their order, on `threads` threads (`side_by_side`)."""
+        return side_by_side(call, items, self.threads)
 
     def times(self, output: str) -> tuple[np.ndarray, np.ndarray]:
         """Time [s] and run number of every residual of an output, (n,) each."""
         t = [np.repeat(run.exposed_s, 2) if output == BALL else run.t_s for run in self.runs]
         return np.concatenate(t), np.repeat(np.arange(len(t)), [len(x) for x in t])
 
+    def of(self, outputs: Iterable[str]) -> "Evidence":
+        """The evidence of these outputs alone."""
+        return replace(self, masks={output: self.masks[output] for output in outputs})
+
     def with_levels(self, levels: np.record) -> "Evidence":
         """The evidence at other noise levels (dtype NOISE)."""
         return replace(self, levels=levels)
-
-
-@cache
-def _pool(threads: int) -> ThreadPoolExecutor:
-    """The threads of all predictions: to start some for every few would take as long as these."""
-    return ThreadPoolExecutor(threads, "prediction")
 
 
 @compiled

@@ -7,6 +7,7 @@ but what its key holds, so a kept one is the same to the last bit.
 
 from collections import OrderedDict
 from collections.abc import Callable
+from threading import Lock
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,24 +22,29 @@ MOST_BYTES = 1 << 28  # chosen: some fifty fits of a minute's log
 
 
 class KeptFits:
-    """The fits made last, as many as MOST_BYTES hold."""
+    """The fits made last, as many as MOST_BYTES hold. Several threads may ask."""
 
     def __init__(self) -> None:
         self._fits: OrderedDict[tuple, tuple[Any, ParameterFit]] = OrderedDict()
         self._bytes = 0
+        self._lock = Lock()
 
     def of(self, key: tuple[tuple, tuple], make: "Callable[[], ParameterFit]") -> "ParameterFit":
         """The fit of this key (`key_of`), made by `make` where it is not kept."""
         values, held = key
-        if values in self._fits:
-            self._fits.move_to_end(values)
-            return self._fits[values][1]
+        with self._lock:
+            if values in self._fits:
+                self._fits.move_to_end(values)
+                return self._fits[values][1]
         made = make()
-        self._fits[values] = held, made
-        self._bytes += _bytes(made)
-        while self._bytes > MOST_BYTES:
-            _, (_, oldest) = self._fits.popitem(last=False)
-            self._bytes -= _bytes(oldest)
+        with self._lock:
+            if values in self._fits:  # another thread made it meanwhile
+                return self._fits[values][1]
+            self._fits[values] = held, made
+            self._bytes += _bytes(made)
+            while self._bytes > MOST_BYTES:
+                _, (_, oldest) = self._fits.popitem(last=False)
+                self._bytes -= _bytes(oldest)
         return made
 
 

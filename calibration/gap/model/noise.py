@@ -63,7 +63,7 @@ def thinned(evidence: Evidence, output: str) -> tuple[Evidence, list[np.ndarray]
     ]
     runs = [replace(run, corrected=at) for run, at in zip(evidence.runs, chosen, strict=True)]
     few = gather(runs, evidence.levels)
-    return replace(few, masks={output: few.masks[output]}), [np.flatnonzero(at) for at in chosen]
+    return few.of([output]), [np.flatnonzero(at) for at in chosen]
 
 
 def _moving(mask: np.ndarray) -> np.ndarray:

@@ -27,6 +27,7 @@ from math import ceil
 import numpy as np
 
 from calibration.gap.decision_rule import NAME_THRESHOLD, penalised_gain
+from calibration.gap.model.cost import loss
 from calibration.gap.model.fit import evaluate
 from calibration.gap.model.noise import least_noise
 from calibration.gap.model.parameters import COAST_KEY, SERVO, SETTLING_KEY, NominalModel, released
@@ -63,7 +64,9 @@ def begun_with_law(state: State, skip: Collection[Key] = ()) -> list[State]:
     if max(map(len, names)) < 2 or {n for n, _ in skip} & set(LAW) or not has_law(state.nominal):
         return []
     axes = [output[-1] for output, found in zip(SERVO, names, strict=True) if found]
-    begun = [_begun(state, other, axes) for other in competing(state.nominal)]
+    begun = state.evidence.each(
+        lambda nominal: _begun(state, nominal, axes), competing(state.nominal)
+    )
     return [one for one in begun if np.isfinite(one.fit.cost)]  # a log may be so spoiled
 
 
@@ -101,9 +104,10 @@ def _with_law(state: State, axis: str) -> State:
     (successive halving); then without what earns nothing."""
     law = LOADED_LAW if state.nominal.load_friction else LAW
     named = tuple((name, axis) for name in law if (name, axis) not in state.named)
-    fits = [_fitted(state, start, named) for start in best_of_grid(state, axis)]
+    each = state.evidence.each
+    fits = each(lambda start: _fitted(state, start, named), best_of_grid(state, axis))
     for _ in range(SETTLINGS):
-        fits = [settle(one, (f"servo_{axis}",)) for one in _cheaper_half(fits)]
+        fits = each(lambda one: settle(one, (f"servo_{axis}",)), _cheaper_half(fits))
     state = reduce(cheaper, fits)
     for key in named:
         bare = drop_effects(state, [key])
@@ -148,8 +152,9 @@ def best_of_grid(state: State, axis: str) -> list[Start]:
         joints += [joint.nominal + size for size in SIZES["play_rad"]]
 
     def best(starts: list[Start]) -> Start:
-        fits = [evaluate(state.evidence, nominal, state.fit.setting | s, (output,)) for s in starts]
-        return starts[int(np.argmin([fit.cost for fit in fits]))]
+        models = [nominal.model(state.fit.setting | start) for start in starts]
+        rolls = state.evidence.rolls([(model, output) for model in models])
+        return starts[int(np.argmin([loss(roll, state.evidence.masks[output]) for roll in rolls]))]
 
     plays = light_arm_backlash_starts(axis, nominal, [0.0, *play_ladder(nominal, axis)])
     if nominal.load_friction:  # no arm coasts

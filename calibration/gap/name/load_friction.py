@@ -51,7 +51,7 @@ def choose_friction_model(
     outputs = _servos(evidence)
     if len(known) == 1 or not outputs:
         return known[-1]
-    servos = replace(evidence, masks={output: evidence.masks[output] for output in outputs})
+    servos = evidence.of(outputs)
     return min(known, key=lambda nominal: _cost_with_coulomb(servos, nominal))
 
 

@@ -128,15 +128,19 @@ def rank(
     known = state.nominal.catalogue
     side = {name: (known[name].side, known[name].servos) for name in order}
     best_on_side = {side[name]: gain[name] for name in reversed(order)}
-    fits: list[CandidateFit] = []
-    for i, name in enumerate(order):
-        best = max((candidate.score for candidate in fits), default=0.0)
-        if gain[name] < MIN_REFIT_GAIN or (i >= most and best >= gain[name]):
+
+    def released(name: str) -> CandidateFit:
+        return _release(state, name, _axes(by_name[name], screened, in_place_on))
+
+    order = [name for name in order if gain[name] >= MIN_REFIT_GAIN]
+    worth = [gain[name] >= MIN_SHARE_OF_BEST * best_on_side[side[name]] for name in order]
+    first = [name for name, tried in zip(order[:most], worth, strict=False) if tried]
+    fits = state.evidence.each(released, first)
+    for name, tried in zip(order[most:], worth[most:], strict=True):
+        if max((candidate.score for candidate in fits), default=0.0) >= gain[name]:
             break
-        if gain[name] < MIN_SHARE_OF_BEST * best_on_side[side[name]]:
-            continue
-        if i < most or gain[name] >= MIN_LATE_REFIT_GAIN:
-            fits.append(_release(state, name, _axes(by_name[name], screened, in_place_on)))
+        if tried and gain[name] >= MIN_LATE_REFIT_GAIN:
+            fits.append(released(name))
     return sorted(fits, key=lambda candidate: -candidate.score)
 
 

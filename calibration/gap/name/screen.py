@@ -84,10 +84,11 @@ def screen(
     """
     found: list[Screened] = []
     known = {} if known is None else known
+    outputs, rolls, done = list(outputs), state.fit.rolls, set(state.named) | set(skip)
+    new = [o for o in outputs if o not in known or known[o][0] is not rolls[o]]
+    screens = state.evidence.each(lambda output: _screen_output(state, output, done), new)
+    known |= {o: (rolls[o], one) for o, one in zip(new, screens, strict=True)}
     for output in outputs:
-        roll = state.fit.rolls[output]
-        if output not in known or known[output][0] is not roll:
-            known[output] = roll, _screen_output(state, output, set(state.named) | set(skip))
         found += known[output][1]
     merged: dict[Key, Screened] = {}
     for one in found:  # an effect on both servos: the sum
