@@ -16,6 +16,7 @@ from calibration.gap.model.change import Change
 from calibration.gap.model.parameters import CALIBRATED, PERIODIC, SERVO, Parameter
 from calibration.gap.model.state import State
 from calibration.gap.name.decide import Decision
+from calibration.gap.name.stepwise import Accepted
 from calibration.gap.report.findings_of_decision import ball_height_m
 from calibration.gap.report.units import parameter_unit, sig
 from calibration.gap.unnamed.wording import describe
@@ -192,16 +193,26 @@ def sentence(
             "Something is missing, but no effect of the catalogue that fits these logs also "
             "predicts data that were not fitted: none is named."
         )
-    if any(one.margin < RIVAL_MARGIN for one in decision.accepted):
-        rivals = dict.fromkeys(r.name for one in decision.accepted for r in one.rivals[:1])
-        return f"{'; '.join(told)}, or {' or '.join(rivals)}: this log cannot tell them apart."
-    sure = [words for words, name in zip(told, names, strict=True) if not _doubted(name)]
-    perhaps = [words for words, name in zip(told, names, strict=True) if _doubted(name)]
-    text = f"The model lacks {_listed(sure)}." if sure else ""
+    rivals = {one.name: _close(one) for one in decision.accepted}
+    pairs = [
+        (words, name, rivals.get(name.name, [])) for words, name in zip(told, names, strict=True)
+    ]
+    either = [" or ".join((words, *close)) for words, _, close in pairs if close]
+    sure = [words for words, name, close in pairs if not close and not _doubted(name)]
+    perhaps = [words for words, name, close in pairs if not close and _doubted(name)]
+    parts = [f"The model lacks {_listed(sure)}."] if sure else []
+    if either:
+        parts.append(f"{'; '.join(either)}: this log cannot tell them apart.")
     if perhaps:
-        text += " It may lack" if sure else "The model may lack"
-        text += f" {_listed(perhaps)}: this is not certain, the notes say why."
-    return text + (f" Something without a name is left: {left}." if left else "")
+        who, what = "It" if sure else "The model", _listed(perhaps)
+        parts.append(f"{who} may lack {what}: this is not certain, the notes say why.")
+    parts += [f"Something without a name is left: {left}."] if left else []
+    return " ".join(parts)
+
+
+def _close(one: Accepted) -> list[str]:
+    """The rivals that the logs do not tell from a name."""
+    return [rival.name for rival in one.rivals if rival.margin < RIVAL_MARGIN]
 
 
 def _listed(words: Sequence[str]) -> str:

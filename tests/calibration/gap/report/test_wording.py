@@ -10,7 +10,7 @@ from calibration.gap.model.fit import evaluate
 from calibration.gap.model.parameters import NominalModel
 from calibration.gap.model.state import State
 from calibration.gap.name.decide import Decision
-from calibration.gap.name.stepwise import Accepted, Naming
+from calibration.gap.name.stepwise import Accepted, Naming, Rival
 from calibration.gap.report.wording import notes, sentence
 from tests.support.gap.tables import RIG, evidence_of, foreign
 
@@ -47,3 +47,24 @@ def test_a_name_that_is_not_certain_is_told_as_one():
     assert sentence(one, (sure,) * 3) == f"The model lacks {played}, {played} and {played}."
     assert sentence(one, (doubted,)).startswith("The model may lack gear_backlash (")
     assert "not certain" not in sentence(one, (sure,))
+
+
+def test_a_name_that_is_certain_is_not_told_as_one_of_two():
+    """Beside a friction with a rival it was "joint_backlash; coulomb_friction, or gear_backlash or
+    dead_zone", with the far rival of the name that is certain."""
+    named = decision(load_friction=False)
+    far, near = Rival("gear_backlash", 40.0, named.state), Rival("dead_zone", 2.0, named.state)
+    accepted = (
+        Accepted("joint_backlash", ("x",), 300.0, (far,)),
+        Accepted("coulomb_friction", ("x",), 50.0, (near,)),
+    )
+    size = Interval(0.03, 0.02, 0.04)
+    names = (
+        Named("joint_backlash", 0.99, (), {"x": {"play_rad": size}}),
+        Named("coulomb_friction", 0.7, (), {"x": {"friction_V": size}}),
+    )
+    told = sentence(replace(named, verdict="undecided", accepted=accepted), names)
+    assert told == (
+        "The model lacks joint_backlash (x 1.72 deg). coulomb_friction (x 0.0300 V) or dead_zone: "
+        "this log cannot tell them apart."
+    )
