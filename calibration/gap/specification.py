@@ -24,7 +24,7 @@ with it less z without,
     C(tau) = sum m rho(z - a r(t + tau)),   a by least squares,   D = C(0) - C(tau)
 
 is below 0 for the right name. It is not in time where D > SURE_Z of its standard errors by blocks
-for a tau of LEADS_S. A name that is a delay itself is not asked.
+for a tau of LEADS_S. A name that is a delay itself is not asked, nor a constant, which has no time.
 """
 
 from collections.abc import Collection, Mapping
@@ -193,7 +193,7 @@ def misfit_of_a_fall(state: State, one: Accepted, accepted: Collection[Accepted]
 def untimely(state: State, one: Accepted, output: str) -> str:
     """By how much the cause that a name tells comes too late on an output, in words; "" if it is in
     time."""
-    if state.nominal.catalogue[one.name].parameters[0].unit == "s":
+    if state.nominal.catalogue[one.name].parameters[0].unit == "s" or one.name in OFFSETS:
         return ""
     own = {k.name for axis in one.axes for k in state.nominal.of(one.name, axis)}
     setting = {name: value for name, value in state.fit.setting.items() if name not in own}

@@ -9,8 +9,9 @@ what a name gains 1 s ahead (`calibration.gap.held_out`), C the cost one sample 
    other by rule 7, it is not told on the one. Where something without a name is left, a name may
    stand for a part of it: it needs D > SURE_Z se on one of its outputs, and is certain only where
    it predicts that output better one sample ahead than each rival in its place, as in rule 7.
-3. The 95 % interval of its size excludes the nominal value, and the size is not at the end of its
-   range on any axis, where it would have to be larger to be what its name says.
+3. The 95 % interval of its size excludes the nominal value (an axis on which it does not is not
+   told), and the size is not at the end of its range on any axis, where it would have to be larger
+   to be what its name says.
 4. Its best rival in its place does not predict better 1 s ahead: D < SURE_Z se of the rival's gain.
 5. Its size is a constant, what it explains does not come before it, and it is not known to stand in
    for something else (`calibration.gap.constancy`, `.specification`). If not, something else acts
@@ -46,15 +47,11 @@ times: the imitation may have kept the right one out.
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from calibration.gap.constancy import changing, inconstancy, trend_of_one_run
 from calibration.gap.decision_rule import (
     DOUBTED_PROBABILITY,
-    FAMILY_P,
     MAX_ROUNDS,
     MIN_COMPLETENESS,
-    RANGE_END_STEPS,
 )
 from calibration.gap.harm import (
     harm,
@@ -70,8 +67,7 @@ from calibration.gap.harm import (
     unproven,
 )
 from calibration.gap.held_out import Prediction, held_out
-from calibration.gap.model.intervals import FIXED, Spread, deviations, interval
-from calibration.gap.model.parameters import PERIODIC
+from calibration.gap.model.intervals import Spread, deviations
 from calibration.gap.model.state import State, drop_effects, plain
 from calibration.gap.name.decide import Decision, decide, significant, verdict_of
 from calibration.gap.name.load_friction import (
@@ -83,6 +79,7 @@ from calibration.gap.name.load_friction import (
 )
 from calibration.gap.name.naming_steps import NamingStep, Tell, untold
 from calibration.gap.name.stepwise import Accepted, settled_baseline
+from calibration.gap.sizes import faint, not_a_size, stray_axes
 from calibration.gap.specification import (
     another_response,
     completeness,
@@ -93,7 +90,6 @@ from calibration.gap.specification import (
     weaker_at_centre,
 )
 from calibration.gap.unnamed.basis import unnamed_terms
-from calibration.statistics import student_quantile
 from rig.effects import Effect
 
 
@@ -165,7 +161,8 @@ def judge(decision: Decision) -> tuple[Decision, list[str], tuple[str, ...]]:
         return decision, [], ()
     tried = _try(decision)
     for one in decision.accepted:
-        if worse := harmed_axes(decision, one, tried.after):
+        vain = stray_axes(tried.alone, one, tried.spread)
+        if worse := vain or harmed_axes(decision, one, tried.after):
             told, barred, more = judge(_off_axes(decision, one, worse))
             return told, barred, (*worse.values(), *more)
     lost, outdone, reasons = _refuted(decision, tried)
@@ -235,7 +232,7 @@ def _refuted(decision: Decision, tried: _Tried) -> tuple[list[Accepted], list[Ac
     lost: list[Accepted] = []
     reasons: list[str] = []
     for one in accepted:
-        if reason := _not_a_size(tried.alone, one, tried.spread):
+        if reason := not_a_size(tried.alone, one, tried.spread):
             lost.append(one)
             reasons.append(f"not named: {one.name}: {reason}")
     for output, share in tried.complete.items():
@@ -252,15 +249,15 @@ def _refuted(decision: Decision, tried: _Tried) -> tuple[list[Accepted], list[Ac
             lost += here
             reasons.append(f"not named: {_names(here)}: {reason}")
     beside = bool(decision.unnamed or lost)
-    for one in accepted if len(accepted) - len(lost) > 1 or beside else ():
-        if one not in lost and (reason := harm_of_one(decision, one, tried.after, beside=beside)):
-            lost.append(one)
-            reasons.append(f"not named: {one.name}: {reason}")
-    outdone = []
-    for one in accepted:
-        if one not in lost and (reason := rival_is_better(one, tried.after)):
-            outdone.append(one)
-            reasons.append(f"not named: {one.name}: {reason}")
+    each, left = decision.state.evidence.each, [one for one in accepted if one not in lost]
+    asked = left if len(left) > 1 or beside else []
+    harms = each(lambda one: harm_of_one(decision, one, tried.after, beside=beside), asked)
+    lost += [one for one, reason in zip(asked, harms, strict=True) if reason]
+    left = [one for one in left if one not in lost]
+    better = each(lambda one: rival_is_better(one, tried.after), left)
+    outdone = [one for one, reason in zip(left, better, strict=True) if reason]
+    told = (*zip(asked, harms, strict=True), *zip(left, better, strict=True))
+    reasons += [f"not named: {one.name}: {reason}" for one, reason in told if reason]
     return lost, outdone, reasons
 
 
@@ -295,43 +292,6 @@ def _names(accepted: Iterable[Accepted]) -> str:
     return " + ".join(one.name for one in accepted)
 
 
-def _not_a_size(state: State, one: Accepted, spread: Mapping[str, Spread]) -> str:
-    """The reason of rule 3 in words; "" if no axis is at the end of its range, and the name stands
-    on one of its axes."""
-    stands = False
-    for axis in one.axes:
-        size, own, at_end = _size_of(state, one, axis, spread)
-        if at_end:
-            return "its size is at the end of its range, so it stands for something else"
-        stands |= not size < interval(0.0, own).high
-    return "" if stands else "the interval of its size holds its nominal value, or 0 of a limit"
-
-
-def _size_of(
-    state: State, one: Accepted, axis: str, spread: Mapping[str, Spread]
-) -> tuple[float, Spread, bool]:
-    """Distance of a name's size on an axis from its nominal value, its spread,
-    and whether it is at the end of its range. Of a limit, whose nominal
-    value is infinite, the distance is that from 0: it has to be known as well as that."""
-    first, *more = state.nominal.of(one.name, axis)
-    free = [first, more[0]] if one.name in PERIODIC else [first]
-    values = [state.fit.setting.get(k.name, k.nominal) for k in free]
-    origins = [k.nominal if np.isfinite(k.nominal) else 0.0 for k in free]
-    sizes, value = np.subtract(values, origins), values[0]
-    at_end = any(e and abs(value - e) < RANGE_END_STEPS * first.step for e in first.range)
-    own = max(spread.get(k.name, FIXED) for k in free)
-    return float(np.linalg.norm(sizes)), own, at_end
-
-
-def _faint(state: State, one: Accepted, spread: Mapping[str, Spread]) -> str:
-    """The reason of rule 9 in words; "" if the size on one of the axes is beyond chance."""
-    for axis in one.axes:
-        size, own, _ = _size_of(state, one, axis, spread)
-        if not size <= student_quantile(max(own.blocks - 1, 2), FAMILY_P) * own.std:
-            return ""
-    return "its size is not beyond what so many tests reach by chance"
-
-
 def _doubted(decision: Decision, tried: _Tried) -> tuple[list[Accepted], list[str]]:
     """The names with what rules 5 to 7 and 9 leave of their probability, and why in words."""
     alone, known = tried.alone, tried.alone.nominal.catalogue
@@ -348,7 +308,7 @@ def _doubted(decision: Decision, tried: _Tried) -> tuple[list[Accepted], list[st
                 doubts.append(f"not certain: {one.name}: {reason}")
     kept = [_capped(one, sure, known) for one in decision.accepted]
     for i, one in enumerate(kept):
-        weak = unproven(one, tried.before, tried.after, known) or _faint(alone, one, tried.spread)
+        weak = unproven(one, tried.before, tried.after, known) or faint(alone, one, tried.spread)
         if reason := weak or _leans(decision, alone, one, kept):
             kept[i] = one.doubted()
             doubts.append(f"not certain: {one.name}: {reason}")

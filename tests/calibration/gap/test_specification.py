@@ -169,6 +169,19 @@ def test_friction_that_is_constant_is_not_said_to_fall_with_speed(friction_V: fl
     assert untimely(state, one, "servo_x") == ""
 
 
+def test_a_constant_does_not_begin_before_its_cause(monkeypatch: pytest.MonkeyPatch):
+    """Beside friction the response to an offset has edges, at which the residuals came first."""
+    monkeypatch.setattr("calibration.gap.specification.is_certain", lambda falls: True)
+    state = released(evidence_of(foreign("steps", seed=6, effects={}, duration_s=5.0)))
+    for name, key, told in (
+        ("voltage_offset", "offset_V", False),
+        ("coulomb_friction", "friction_V", True),
+    ):
+        size = state.fit.setting | {f"{name}.{key}.x": 0.1}
+        moved = replace(state, fit=replace(state.fit, setting=size))
+        assert bool(untimely(moved, Accepted(name, ("x",), 100.0, ()), "servo_x")) == told
+
+
 def drifting(level: str, seed: int) -> tuple[State, Accepted]:
     """40 s of a ball on an independent table whose level goes a straight or a random way of 5 mrad
     (RMS), which is explained by a drift alone."""

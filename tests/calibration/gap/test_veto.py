@@ -18,7 +18,8 @@ from calibration.gap.model.state import State
 from calibration.gap.name.decide import Decision, decide
 from calibration.gap.name.load_friction import friction_models
 from calibration.gap.name.stepwise import Accepted, Naming, settled_baseline
-from calibration.gap.veto import _better, _faint, _not_a_size, decide_by_proof, judge
+from calibration.gap.sizes import faint, not_a_size, stray_axes
+from calibration.gap.veto import _better, decide_by_proof, judge
 from rig.log import Log
 from rig.parameters import Drive, Rig
 from tests.support.gap.tables import RIG, evidence_of, foreign, released
@@ -179,16 +180,24 @@ def with_friction() -> State:
 
 
 @pytest.mark.parametrize(
-    ("deviation_V", "no_size", "faint"),
+    ("deviation_V", "no_size", "by_chance"),
     [(0.01, False, False), (0.04, False, True), (0.2, True, True)],
 )
 def test_a_size_counts_beyond_its_interval_and_is_certain_beyond_chance(
-    deviation_V: float, no_size: bool, faint: bool
+    deviation_V: float, no_size: bool, by_chance: bool
 ):
     one = Accepted("coulomb_friction", ("x",), 50.0, ())
     spread = {"coulomb_friction.friction_V.x": Spread(deviation_V, 40, 40.0)}
-    assert bool(_not_a_size(with_friction(), one, spread)) == no_size
-    assert bool(_faint(with_friction(), one, spread)) == faint
+    assert bool(not_a_size(with_friction(), one, spread)) == no_size
+    assert bool(faint(with_friction(), one, spread)) == by_chance
+
+
+def test_an_axis_without_a_size_is_not_told_beside_one_that_has_it():
+    one = Accepted("coulomb_friction", ("x", "y"), 50.0, ())
+    for deviation_V, axes in ((0.01, []), (0.2, ["x"]), (2.0, [])):
+        spread = {f"coulomb_friction.friction_V.{a}": Spread(deviation_V, 40, 40.0) for a in "xy"}
+        assert list(stray_axes(with_friction(), one, spread)) == axes
+    assert not_a_size(with_friction(), one, spread) != ""
 
 
 def test_a_limit_that_is_no_longer_infinite_is_a_size():
@@ -196,7 +205,7 @@ def test_a_limit_that_is_no_longer_infinite_is_a_size():
     cut = state.fit.setting | {"saturation.limit_V.x": 2.0}
     state = replace(state, fit=replace(state.fit, setting=cut))
     spread = {"saturation.limit_V.x": Spread(float("nan"), 40, 40.0)}
-    assert _not_a_size(state, one, spread) == _faint(state, one, spread) == ""
+    assert not_a_size(state, one, spread) == faint(state, one, spread) == ""
 
 
 @pytest.mark.parametrize(("share", "known"), [(0.1, True), (2.0, False)])
@@ -209,18 +218,18 @@ def test_a_limit_has_to_be_known_as_well_as_from_0_and_within_its_range(share: f
     for limit, at_end in ((2.0, False), (low, True)):
         cut = replace(state, fit=replace(state.fit, setting=state.fit.setting | {name: limit}))
         spread = {name: Spread(share * limit, 40, 40.0)}
-        assert bool(_not_a_size(cut, one, spread)) == (at_end or not known)
-        assert bool(_faint(cut, one, spread)) != known
+        assert bool(not_a_size(cut, one, spread)) == (at_end or not known)
+        assert bool(faint(cut, one, spread)) != known
 
 
 def test_a_size_at_the_end_of_its_range_on_one_axis_is_none():
     state, one = with_friction(), Accepted("coulomb_friction", ("x", "y"), 50.0, ())
     spread = {f"coulomb_friction.friction_V.{a}": Spread(1e-3, 40, 40.0) for a in "xy"}
-    assert _not_a_size(state, one, spread) == ""
+    assert not_a_size(state, one, spread) == ""
     top = state.nominal.parameters["coulomb_friction.friction_V.y"].range[1]
     sizes = state.fit.setting | {"coulomb_friction.friction_V.y": top}
     at_end = replace(state, fit=replace(state.fit, setting=sizes))
-    assert "end of its range" in _not_a_size(at_end, one, spread)
+    assert "end of its range" in not_a_size(at_end, one, spread)
 
 
 @pytest.mark.parametrize(("cost", "certain"), [(-1.0, True), (1.0, False)])
@@ -257,7 +266,7 @@ def test_what_a_refuted_name_leaves_has_to_stand_without_it(monkeypatch, falls: 
         gone = gone or list(one.accepted if falls else ())
         return gone, [], [f"not named: {name.name}" for name in gone]
 
-    monkeypatch.setattr(veto, "_try", lambda decision: veto._Tried(None, {}, {}, {}, {}))
+    monkeypatch.setattr(veto, "_try", lambda decision: veto._Tried(decision.state, {}, {}, {}, {}))
     monkeypatch.setattr(veto, "_refuted", refuted)
     monkeypatch.setattr(veto, "_doubted", lambda decision, tried: (list(decision.accepted), []))
     monkeypatch.setattr(
