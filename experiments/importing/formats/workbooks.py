@@ -7,6 +7,7 @@ columns are sessions of one recording; of others each column bears its sheet's n
 
 import warnings
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from datetime import date, datetime, time, timedelta
 from pathlib import Path
@@ -23,8 +24,12 @@ from experiments.importing.recording import BadFileError, Stream, check_size
 MAX_SHEET_BYTES = 1_000_000_000  # of all sheets, unpacked: as of text; they are read row by row
 # Of a row, which is read at once; chosen: MAX_COLUMNS cells have a twentieth.
 MAX_ROW_BYTES = 10_000_000
-MAX_ROWS = 1_048_576  # of a sheet; Excel's own limit
+MAX_ROWS = 1_048_576  # of a sheet, and the number of the last; Excel's own limit
 MAX_OTHER_BYTES = 50_000_000  # of the rest, read at once; chosen: a million dates as words
+# Elements but for WORDS, each of which costs far more than its bytes. Chosen: of all sheets a
+# minute's work, a full one of fourteen columns; of the rest ten times the most styles of Excel.
+MAX_ELEMENTS, MAX_OTHER_ELEMENTS = 30_000_000, 655_360
+WORDS = ("si", "t")
 MAX_SHEETS = 1000  # chosen: more than anybody keeps sessions in one file
 BLOCK_BYTES = 1 << 20
 SESSION = "sheet"  # the column that says of which sheet a row is
@@ -58,9 +63,14 @@ def _check_bytes(path: Path) -> None:
         size = sum(whole[one] for one in sheets)
         _check_limit("sheets unpack to", size, MAX_SHEET_BYTES)
         _check_limit("other parts unpack to", sum(whole.values()) - size, MAX_OTHER_BYTES)
-        for one in sheets:
+        cells, others = 0, 0
+        for one in whole:
             with parts.open(one) as file:
-                _check_rows(file)
+                if one in sheets:
+                    cells += _checked(file, MAX_ELEMENTS - cells)
+                    continue
+                with suppress(expat.ExpatError):  # no part of XML, or one that is not read
+                    others += _checked(file, MAX_OTHER_ELEMENTS - others)
 
 
 def _check_limit(what: str, size: int, most: int, unit: str = "bytes") -> None:
@@ -68,26 +78,37 @@ def _check_limit(what: str, size: int, most: int, unit: str = "bytes") -> None:
         raise BadFileError(f"its {what} {size} {unit} (limit: {most}): save the sheet as .csv")
 
 
-def _check_rows(file: IO[bytes]) -> None:
-    """BadFileError: a sheet's part has more rows than a sheet, or a row that is too long."""
-    parser, begin, rows = expat.ParserCreate(), 0, 0
+def _checked(file: IO[bytes], most: int) -> int:
+    """The number of elements of a part but for WORDS. BadFileError: it has more than `most`, more
+    rows than a sheet, one of a larger number, or one or a tag that is too long."""
+    parser, fed, begin, rows, elements = expat.ParserCreate(), 0, 0, 0, 0
 
-    def begins(name: str, _: dict[str, str]) -> None:
-        nonlocal begin, rows
-        if name.rpartition(":")[2] == "row":
-            begin, rows = parser.CurrentByteIndex, rows + 1
+    def begins(name: str, said: dict[str, str]) -> None:
+        nonlocal begin, rows, elements
+        name = name.rpartition(":")[2]
+        elements += name not in WORDS
+        if name == "row":
+            begin, rows = parser.CurrentByteIndex, max(rows + 1, int(said.get("r", 0)))
 
     parser.StartElementHandler = begins
     while block := file.read(BLOCK_BYTES):
         parser.Parse(block)
-        _check_limit("longest row has", parser.CurrentByteIndex - begin, MAX_ROW_BYTES)
+        fed, at = fed + len(block), max(parser.CurrentByteIndex, 0)
+        _check_limit("longest tag has", fed - at, MAX_ROW_BYTES)
+        _check_limit("longest row has", at - begin if rows else 0, MAX_ROW_BYTES)
         _check_limit("sheet has", rows, MAX_ROWS, "rows")
+        if elements > most:
+            raise BadFileError("it has too many cells, words or styles: save the sheet as .csv")
+    return elements
 
 
 def _streams(book: Any) -> list[Stream]:
     """The streams of all sheets, sessions in one."""
     if len(book.worksheets) > MAX_SHEETS:
         raise BadFileError(f"it has {len(book.worksheets)} sheets (limit: {MAX_SHEETS})")
+    parts = {sheet._worksheet_path for sheet in book.worksheets}
+    if len(parts) < len(book.worksheets):  # each name would cost the time of reading it
+        raise BadFileError("it names one sheet twice: save the sheet as .csv")
     found: list[tuple[str, Stream]] = []
     left: list[str] = []
     for sheet in book.worksheets:
@@ -100,6 +121,10 @@ def _streams(book: Any) -> list[Stream]:
         found += [(f"{sheet.title} {i}" if i else sheet.title, x) for i, x in enumerate(streams)]
     if not found:
         raise BadFileError("; ".join(left[:3]) or "it has no sheet")
+    hidden = [one.title for one in book.worksheets if one.sheet_state != "visible"]
+    left += [
+        f"sheet {title} is hidden in the workbook, and read like any other" for title in hidden
+    ]
     streams = [replace(one, notes=(*one.notes, *left)) for _, one in found]
     names = [[*one.columns] for one in streams]
     if len(streams) > 1 and all(one == names[0] for one in names) and SESSION not in names[0]:

@@ -10,12 +10,15 @@ from zipfile import ZIP_DEFLATED, ZipFile
 import numpy as np
 import pytest
 
+from experiments.importing.formats import workbooks
 from experiments.importing.formats.choose import read_recording
 from experiments.importing.recording import BadFileError
 from tests.support.command import told
 from tests.support.parts import needs
 
 pytestmark = needs("openpyxl")
+
+SHEET = "xl/worksheets/sheet1.xml"
 
 K = np.arange(60)
 HEAD = ["Zeit [s]", "x [mm]", "y [mm]"]
@@ -103,6 +106,102 @@ def test_a_cell_far_away_is_no_table_of_so_many_columns(tmp_path: Path):
         read_recording(tmp_path / "a.xlsx")
 
 
+def _changed(path: Path, part: str, change: Callable[[bytes], bytes]) -> Path:
+    """The workbook with another text in one of its parts."""
+    with ZipFile(path) as old:
+        texts = {one: old.read(one) for one in old.namelist()}
+    with ZipFile(path, "w", ZIP_DEFLATED) as new:
+        for one, text in texts.items():
+            new.writestr(one, change(text) if one == part else text)
+    return path
+
+
+@pytest.mark.parametrize(
+    "is_said",
+    [
+        b'<row r="30"><c r="XFD30" s="0"/>',  # a format, but no number
+        b'<mergeCells count="1"><mergeCell ref="A1:XFD9"/></mergeCells><row r="30">',
+    ],
+)
+def test_what_a_sheet_says_of_places_makes_it_no_larger(tmp_path: Path, is_said: bytes):
+    path = saved(tmp_path / "a.xlsx", {"Run": rows_of()})
+    _changed(path, SHEET, lambda text: text.replace(b'<row r="30">', is_said))
+    stream = read_recording(path).stream
+    np.testing.assert_array_equal(stream.columns["y [mm]"], K)
+
+
+@pytest.mark.parametrize("number", [b"2000000000", b"1e300"])
+def test_a_row_of_a_number_that_no_sheet_has_is_told_in_a_line(tmp_path: Path, number: bytes):
+    """Each row up to 2 000 000 000 was read: the import was busy for hours."""
+    path = saved(tmp_path / "a.xlsx", {"Run": rows_of()})
+    _changed(path, SHEET, lambda text: text.replace(b'<row r="30">', b'<row r="%s">' % number))
+    with pytest.raises(BadFileError, match=r"limit: 1048576|invalid literal"):
+        read_recording(path)
+
+
+@pytest.mark.parametrize("limit", ["MAX_ELEMENTS", "MAX_OTHER_ELEMENTS"])
+def test_more_parts_than_a_recording_has_are_told_in_a_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, limit: str
+):
+    """A million styles took gigabytes."""
+    monkeypatch.setattr(workbooks, limit, 9)
+    path = saved(tmp_path / "a.xlsx", {"Run": rows_of()})
+    with pytest.raises(BadFileError, match="too many cells, words or styles"):
+        read_recording(path)
+
+
+def test_a_sheet_named_a_thousand_times_is_refused(tmp_path: Path):
+    """Each name of it cost the time of reading it."""
+    path = saved(tmp_path / "a.xlsx", {"Run": rows_of()})
+    again = [b'<sheet name="Run %d" sheetId="%d" r:id="rId1"/>' % (i, i) for i in range(2, 900)]
+    spaces = b' xmlns:r="http://schemas.openxmlformats.org/officeDocument/2006/relationships"'
+    _changed(
+        path,
+        "xl/workbook.xml",
+        lambda text: text.replace(b"</sheets>", b"".join(again) + b"</sheets>").replace(
+            b"<sheets", b"<sheets" + spaces
+        ),
+    )
+    with pytest.raises(BadFileError, match="names one sheet twice"):
+        read_recording(path)
+
+
+def test_words_may_be_longer_than_a_row(tmp_path: Path):
+    path = saved(tmp_path / "a.xlsx", {"Run": [[*row, "state"] for row in rows_of()]})
+    more = b"<si><t>" + 100 * b"word " + b"</t></si>"
+    _changed(
+        path,
+        "xl/sharedStrings.xml",
+        lambda text: text.replace(b"</sst>", 25_000 * more + b"</sst>"),
+    )
+    assert len(read_recording(path).stream) == len(K)
+
+
+def test_dates_since_1904_and_words_kept_apart(tmp_path: Path):
+    book = import_module("openpyxl").Workbook()
+    book.epoch = import_module("openpyxl.utils.datetime").MAC_EPOCH
+    sheet, begin = book.worksheets[0], datetime(2026, 3, 1, 10, 0, 0)
+    sheet.append(["stamp", "x", "state"])
+    for k in K:
+        sheet.append([begin + timedelta(seconds=int(k)), 0.5 * k, "tracked" if k % 2 else "lost"])
+    book.save(tmp_path / "a.xlsx")
+    stream = read_recording(tmp_path / "a.xlsx").stream
+    np.testing.assert_allclose(np.diff(stream.columns["stamp"]), 1.0)
+    utc = np.datetime64("2026-03-01T10:00:00") - np.datetime64("1970-01-01T00:00:00")
+    assert abs(stream.columns["stamp"][0] - utc / np.timedelta64(1, "s")) < 86400  # or its zone's
+    assert stream.unreadable["state"].words == len(K)
+
+
+def test_a_hidden_sheet_is_told_of(tmp_path: Path):
+    path = saved(tmp_path / "a.xlsx", {"Run 1": rows_of(), "Run 2": rows_of(9.0)})
+    hides = (b'name="Run 2"', b'name="Run 2" state="veryHidden"')
+    _changed(
+        path, "xl/workbook.xml", lambda text: text.replace(b' state="visible"', b"").replace(*hides)
+    )
+    notes = read_recording(path).notes
+    assert notes == ("sheet Run 2 is hidden in the workbook, and read like any other",)
+
+
 def _not_packed(path: Path) -> None:
     path.write_bytes(b"PK")
 
@@ -132,7 +231,6 @@ def _with_part(name: str, *parts: bytes) -> Callable[[Path], None]:
     return spoil
 
 
-SHEET = "xl/worksheets/sheet1.xml"
 SHEET_BEGIN = (
     b'<worksheet xmlns="http://schemas.openxmlformats.org/spreadsheetml/2006/main"><sheetData>'
 )
@@ -149,6 +247,7 @@ SHEET_END = b"</sheetData></worksheet>"
         (_with_part(SHEET, SHEET_BEGIN, b"<row/>", SHEET_END), "rows (limit: 1048576)"),
         (_with_part(SHEET, SHEET_BEGIN + b"<row>", b"<c/>", b"</row>" + SHEET_END), "longest row"),
         (_with_part(SHEET, SHEET_BEGIN + b"<row><c>", b"a", b"</c></row>" + SHEET_END), "longest"),
+        (_with_part(SHEET, SHEET_BEGIN + b'<row a="', b"a", b'"/>' + SHEET_END), "longest tag"),
     ],
 )
 def test_what_is_no_table_is_told_in_a_line(
