@@ -18,8 +18,8 @@ NO_EMERGENCY = (
     "power."
 )
 FILM = (
-    "● **A replay is shown on this page**. The live table goes on: STOP and the bar at the top are "
-    "of that; the tab Replay leads back to it."
+    "● **A replay is shown on this page**. STOP and the bar at the top are of the live table, to "
+    "which the tab Replay leads back."
 )
 SILENT_S, BLIND_S = 1.0, 0.25
 ON_TIME = 0.95  # share of the ticks; chosen: as of the monitor of a real table

@@ -57,7 +57,10 @@ def test_a_page_with_a_film_does_not_show_the_state_of_the_live_table():
     )
     session = SimpleNamespace(table=SimpleNamespace(real=False))
     header = Header(SimpleNamespace(gui=gui), controls, pages, session, "virtual", print)  # pyright: ignore[reportArgumentType]
+    header._own[2] = SimpleNamespace(content="")
     header.show_film(2, True)
+    assert "A replay is shown" in header._own[2].content
+    assert "live table goes on" not in header._own[2].content  # it may have been stopped
     header.draw(SimpleNamespace(), SessionStatus("stopped"), 500.0)  # pyright: ignore[reportArgumentType]
     assert (told[1, ""], told[2, ""]) == (True, False)
     header.show_film(2, False)
