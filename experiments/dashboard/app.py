@@ -160,7 +160,8 @@ class App:
             self.figure_worker,
         )
         out, rows = self.out, lambda: self.results.rows
-        self.tour = Tour(server, controls, self._steps_done, visible=not self.session.table.real)
+        virtual = not self.session.table.real
+        self.tour = Tour(server, controls, self.pages, self._steps_done, visible=virtual)
         tabs = server.gui.add_tab_group(order=0)
         with tabs.add_tab("Run"):
             self.tour.add_steps()
@@ -193,7 +194,7 @@ class App:
                 self.plate_map.show,
                 self.show_playback,
                 self.pages.send,
-                virtual=not self.session.table.real,
+                virtual=virtual,
             )
         with tabs.add_tab("Replay"):
             self.replay = ReplayTab(

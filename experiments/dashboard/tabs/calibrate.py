@@ -51,7 +51,7 @@ UNCLEAR = ", its middle cannot be told from a level error or a rest position"  #
 FILES = "written", "note: goes on", "your rig file", "changed: "  # the page has words of its own
 MARKS = {"": "", "on": "▶ ", "accepted": "✓ ", "refused": "✗ "}
 COLOURS = {"": None, "on": "orange", "accepted": "teal", "refused": "red"}
-VIRTUAL = "Measure the virtual table: press **All steps**, or one after another."
+VIRTUAL = "Measure the virtual table: all steps in one go, or one after another."
 REAL = (
     "Measure the table: **camera** with the printed sheet held before the lens, in 15 to 40 "
     "places and tilts until all cells are green; **table** with the plate level and empty; "

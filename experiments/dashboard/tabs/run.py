@@ -65,8 +65,8 @@ KEYS = (
     "Keys: **R** start, **N** next run, **B** balance, **Esc** stop, **Shift + arrows** push, "
     "**Ctrl + K** all of them."
 )
-IDLE = "Choose a protocol and press **Start**."
-BALANCES = " Until then the virtual table balances its ball, without play compensation."
+IDLE = "No run is on."
+BALANCES = " The virtual table balances its ball, without play compensation."
 MARKED = (
     "pushes, targets and gains during a recorded run: they are marked in it, and it is not counted"
 )
@@ -82,7 +82,7 @@ def progress_words(status: SessionStatus) -> str:
     of = f"run {planned.number} of {planned.of}"
     left = f"{minutes(status.remaining_s)} left"
     if status.state == "pause":
-        return f"{last}**Pause**: {plain(status.words)}, {left}; press **Next run**"
+        return f"{last}**Pause**: {plain(status.words)}, {left}"
     if status.waited_s is not None:
         clock = f"{minutes(status.waited_s)} of {minutes(status.patience_s)}"
         return f"{of}: {plain(status.words)}, **waiting for you** ({clock})"

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from experiments.dashboard.server.controls import Controls
+from experiments.dashboard.server.pages import Pages
 from experiments.dashboard.session.tasks import RunSummary
 
 if TYPE_CHECKING:
@@ -91,34 +92,38 @@ def next_words(done: Sequence[bool]) -> str:
 
 
 class Tour:
-    """Builds the next step above the tabs of the GUI of viser that is open; done: tells which steps
-    are done, as far as the program knows: of those of ENDED_BY_WORD a button says so, or the step
-    after it; visible: whether it is shown.
+    """Builds the next step above the tabs of the GUI of viser that is open, for the page of `pages`
+    that holds the controls: another may not do it. done: tells which steps are done, as far as the
+    program knows: of those of ENDED_BY_WORD a button says so, or the step after it; visible: False,
+    and nobody is shown the study.
     """
 
     def __init__(
         self,
         server: "ViserServer",
         controls: Controls,
+        pages: Pages,
         done: Callable[[], Sequence[bool]],
         *,
         visible: bool = True,
     ) -> None:
         self._done, self._said, self._gui = done, "", server.gui
-        self._next: Any = server.gui.add_markdown("", order=-50, visible=visible)
+        self._controls, self._pages = controls, pages
+        self._next: Any = server.gui.add_markdown("", order=-50, visible=False)
         self._visible, self._at = visible, 0
         self._said_done: set[int] = set()
         words = next(iter(ENDED_BY_WORD.values()))
         self._next_step: Any = server.gui.add_button(words, order=-40, visible=False)
-        controls.button(self._next_step, "next step", lambda page: self.end_step(), everybody=True)
+        controls.button(self._next_step, "next step", lambda page: self.end_step())
+        self._folder: Any = None
         self._words: Any = None
 
     def add_steps(self) -> None:
         """Add all steps as a folding group to the container that is open."""
-        folder = self._gui.add_folder(
-            "All five steps", expand_by_default=False, visible=self._visible
+        self._folder = self._gui.add_folder(
+            "All five steps", expand_by_default=False, visible=False
         )
-        with folder:
+        with self._folder:
             self._words = self._gui.add_markdown("")
             self._gui.add_markdown(IN_ONE_GO)
 
@@ -138,8 +143,10 @@ class Tour:
             self._said = self._words.content = words
             self._next.content = next_words(done)
         at = next_step(done)
-        asks = at in waits and self._visible
         if at in waits and at != self._at:
             self._at, self._next_step.label = at, ENDED_BY_WORD[at]
-        if self._next_step.visible != asks:
-            self._next_step.visible = asks
+        for page in list(self._pages.clients):
+            guided = self._visible and self._controls.lock.may(page)
+            for handle in (self._next, self._folder):
+                self._pages.tell(page, handle, visible=guided)
+            self._pages.tell(page, self._next_step, visible=guided and at in waits)

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from experiments.dashboard.server.controls import ControlLock
 from experiments.dashboard.session.tasks import RunSummary
 from experiments.dashboard.tabs.tour import (
     ENDED_BY_WORD,
@@ -60,8 +61,10 @@ def test_runs_are_a_pair_when_both_methods_were_completed_with_one_seed(rows, bo
 
 @pytest.fixture
 def tour():
-    """A tour, what was sent to the pages, and which steps the program knows to be done."""
-    sent, done = [], [False] * len(STEPS)
+    """A tour, what was sent to the pages, which steps the program knows to be done, and which of
+    step, all steps and button a page shows: 1 holds the controls, 2 watches.
+    """
+    sent, done, told = [], [False] * len(STEPS), {}
 
     class Words:
         def __setattr__(self, name: str, value: str) -> None:
@@ -72,14 +75,22 @@ def tour():
         add_markdown=lambda text, **k: Words(),
         add_button=lambda label, **k: SimpleNamespace(label=label, **k),
     )
-    controls = SimpleNamespace(button=lambda *what, **k: None)
-    guide = Tour(SimpleNamespace(gui=gui), controls, lambda: done)  # pyright: ignore[reportArgumentType]
+    controls = SimpleNamespace(button=lambda *what, **k: None, lock=ControlLock().joined(1))
+    pages = SimpleNamespace(
+        clients={1: None, 2: None},
+        tell=lambda page, handle, visible: told.update({(page, id(handle)): visible}),
+    )
+    guide = Tour(SimpleNamespace(gui=gui), controls, pages, lambda: done)  # pyright: ignore[reportArgumentType]
     guide.add_steps()
-    return guide, sent, done
+
+    def shows(page: int) -> list[bool]:
+        return [told[page, id(one)] for one in (guide._next, guide._folder, guide._next_step)]
+
+    return guide, sent, done, shows
 
 
 def test_only_a_change_is_sent_to_the_pages(tour):
-    guide, sent, done = tour
+    guide, sent, done, _ = tour
     guide.draw()
     guide.draw()
     assert sent == [tour_words(done), next_words(done)]
@@ -92,29 +103,30 @@ def test_only_a_change_is_sent_to_the_pages(tour):
 
 def test_what_is_read_or_watched_is_ticked_when_somebody_says_so_or_went_on(tour):
     """The question of a step stays while its answer is on the screen."""
-    guide, sent, done = tour
+    guide, sent, done, shows = tour
     done[:2] = [True, True]
     guide.draw()
-    assert (guide._next_step.visible, guide._next_step.label) == (True, ENDED_BY_WORD[1])
+    assert (shows(1), guide._next_step.label) == ([True] * 3, ENDED_BY_WORD[1])
+    assert not any(shows(2))  # it watches, and may press none of what the step names
     assert "Next: **2, tab Results**" in sent[-1]
     guide.end_step()
     guide.draw()
-    assert not guide._next_step.visible
+    assert shows(1) == [True, True, False]
     assert "Next: **3, tab Replay**" in sent[-1]
     done[2] = True  # a replay begins
     guide.draw()
-    assert (guide._next_step.visible, guide._next_step.label) == (True, ENDED_BY_WORD[2])
+    assert (shows(1), guide._next_step.label) == ([True] * 3, ENDED_BY_WORD[2])
     assert "Next: **3, tab Replay**" in sent[-1]
     guide.end_step()
     guide.draw()
     assert "Next: **4, tab Calibrate**" in sent[-1]
-    assert not guide._next_step.visible
+    assert shows(1) == [True, True, False]
 
 
 def test_who_goes_on_by_himself_presses_no_button(tour):
-    guide, sent, done = tour
+    guide, sent, done, shows = tour
     done[:] = [True] * 5
     done[4] = False
     guide.draw()
     assert "Next: **5, tab Gap**" in sent[-1]
-    assert not guide._next_step.visible
+    assert shows(1) == [True, True, False]
