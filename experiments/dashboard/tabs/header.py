@@ -42,6 +42,13 @@ def live(words: str) -> str:
     return f'<span class="rig-live">{words}</span>' if words else ""
 
 
+def with_mouse(words: str) -> str:
+    """Markdown of one paragraph on what is done with a mouse or keys: a screen that is touched
+    hides it (`server/shell.css`).
+    """
+    return f'<span class="rig-mouse">{words}</span>'
+
+
 def link_words(now: LiveState, status: SessionStatus, rate_hz: float) -> str:
     """A line (Markdown) on whether the loop keeps its time, `rate_hz` ticks a second, and whether
     the camera sees the ball.

@@ -19,6 +19,7 @@ from experiments.dashboard.session.playback import Playback
 from experiments.dashboard.session.tasks import RunSummary
 from experiments.dashboard.session.video import Video, replay_run
 from experiments.dashboard.session.worker_process import WorkerProcess, WorkItem
+from experiments.dashboard.tabs.header import with_mouse
 
 if TYPE_CHECKING:
     from viser import ViserServer
@@ -29,9 +30,9 @@ FRAME_S = 1 / 60
 FILM_S = Range(0.0, 1e6, STEP_S)  # the clock keeps within its own film
 WHAT = (
     "Choose a run and press **Show**: this page alone shows its replay in place of the live table, "
-    "and what its camera saw, its video, in the panel Camera. Keys: "
-    "**Space** plays, **left** and **right** go a frame (0.02 s)."
+    "and what its camera saw, its video, in the panel Camera. "
 )
+KEYS = "Keys: **Space** plays, **left** and **right** go a frame (0.02 s)."
 BOTH = "the run of the same protocol and seed with the other controller beside it"
 EVENTS_SHOWN = 6
 PLAY, PAUSE = "▶ Play", "❚❚ Pause"
@@ -106,7 +107,7 @@ class ReplayTab:
         self._rows, self._show_playback = rows, show_playback
         self._viewers: dict[int, Viewer] = {}
         gui = server.gui
-        gui.add_markdown(WHAT)
+        gui.add_markdown(WHAT + with_mouse(KEYS))
         self._picked: Any = gui.add_dropdown("Run", (NONE,))
         controls.own_value(
             self._picked, "run", lambda v: choice(v, self._picked.options), self._pick

@@ -31,7 +31,7 @@ from experiments.dashboard.session.plan import (
 from experiments.dashboard.session.presets import KeptPresets
 from experiments.dashboard.session.seeds import with_new_seeds
 from experiments.dashboard.session.session import Session
-from experiments.dashboard.tabs.header import live
+from experiments.dashboard.tabs.header import live, with_mouse
 from experiments.dashboard.tabs.play_sliders import play_sliders
 from experiments.dashboard.tabs.sliders import SliderGroup
 from experiments.dashboard.view.elapsed import minutes
@@ -133,7 +133,7 @@ class RunTab:
             self._add_ball()
         with gui.add_folder("Virtual table's play", expand_by_default=False, visible=virtual):
             play_sliders(server, controls, session)
-        gui.add_markdown(KEYS)
+        gui.add_markdown(with_mouse(KEYS))
         self._events: Any = gui.add_markdown("")
 
     def _add_choices(self, virtual: bool) -> None:
@@ -308,7 +308,7 @@ class RunTab:
     def _add_ball(self) -> None:
         gui, controls = self._server.gui, self._controls
         virtual = not self._session.table.real
-        gui.add_markdown("Shift + click on the plate sends the ball there.")
+        gui.add_markdown(with_mouse("Shift + click on the plate sends the ball there."))
         self._disturb_box: Any = gui.add_checkbox(
             "Disturb the recorded run", False, hint=MARKED, visible=False
         )

@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from experiments.dashboard.tabs.header import with_mouse
+from experiments.dashboard.tabs.run import KEYS
 from tests.support.shell_alone import opened
 from tests.support.waiting import wait_for
 
@@ -70,3 +72,14 @@ def test_names_go_along_with_words_that_change_and_are_no_close_of_another_butto
     page.get_by_role("textbox", name="Later [s]", exact=True).wait_for()
     page.get_by_role("button", name="Next", exact=True).wait_for(timeout=10e3)
     page.context.close()
+
+
+@pytest.mark.slow
+def test_a_screen_that_is_touched_is_told_of_no_key_and_no_click(chromium, program):
+    program.server.gui.add_markdown(with_mouse(KEYS), order=-1)
+    phone = {"viewport": {"width": 390, "height": 844}, "has_touch": True, "is_mobile": True}
+    for settings, seen in (({}, True), (phone, False)):
+        page = opened(chromium, program, **settings)
+        page.get_by_text("what stays").wait_for(timeout=120e3)
+        assert page.get_by_text("Keys:").is_visible() is seen
+        page.context.close()
