@@ -11,6 +11,7 @@ FINE_M, COARSE_M = 0.01, 0.05
 FINE, COARSE = (206, 211, 219), (150, 158, 170)
 HEIGHT_M = 0.0003  # above the plate, below trail and target
 BESIDE_M = 0.012  # of the numbers, off the edge
+BELOW_M = 0.06  # of words below them; chosen: clear of them on a phone
 LETTERS = 0.85  # of all labels in the 3-D view, as viser scales them: about 9 points
 
 
@@ -43,6 +44,11 @@ def axis_letters(side_m: float) -> list[tuple[str, tuple[float, float, float]]]:
     """Names of the axes and their places [m]: where the numbers of the grid end."""
     off, end = -side_m / 2 - BESIDE_M, side_m / 2 + 0.03
     return [("x", (end, off, 0.0)), ("y", (off, end, 0.0))]
+
+
+def below_numbers(side_m: float) -> tuple[float, float, float]:
+    """Where words end at the top [m] that hide none of the numbers, however small the table is."""
+    return 0.0, -side_m / 2 - BELOW_M, 0.0
 
 
 def draw_grid(server: "ViserServer | ClientHandle", plate: str, side_m: float) -> None:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from experiments.dashboard.view.ghost import noise_alone_m
-from experiments.dashboard.view.grid import LETTERS, axis_letters, draw_grid
+from experiments.dashboard.view.grid import LETTERS, axis_letters, below_numbers, draw_grid
 from experiments.dashboard.view.pose import DROP_M, linkage, plate_wxyz
 from experiments.dashboard.view.view_points import FIELD_OF_VIEW_RAD, view_point
 from rig.parameters import Rig
@@ -164,7 +164,6 @@ class TableScene:
     def __init__(self, server: "ViserServer | ClientHandle", rig: Rig) -> None:
         self._rig, scene = rig, server.scene
         noise_mm = 1e3 * noise_alone_m(rig)
-        # On two lines: it hides fewer of the numbers along the plate's edge.
         self._model_words = f"model {{:.1f}} mm off\n(noise alone: {noise_mm:.0f} mm)"
         self.table = PlateModel(server, "/table", rig)
         draw_grid(server, f"{self.table.name}/plate", rig.linkage.plate_side_m)
@@ -199,10 +198,10 @@ class TableScene:
         }
         self.gap = scene.add_line_segments("/table/plate/gap", empty, GHOST, thickness=0.002)
         self.gap_label = scene.add_label(
-            "/table/plate/gap_label",
+            "/table/gap_label",
             "",
             position=AWAY,
-            anchor="bottom-center",
+            anchor="top-center",
             font_screen_scale=LETTERS,
         )
         self.centroid = scene.add_icosphere(
@@ -275,7 +274,7 @@ class TableScene:
         heights_m = [2.1 * self._rig.ball.radius_m] * 2
         ends = np.column_stack([[one_m, other_m], heights_m]).astype(np.float32)
         self.gap.points = ends[None]
-        self.gap_label.position = tuple(ends.mean(axis=0) + np.array([0, 0, 0.012]))
+        self.gap_label.position = below_numbers(self._rig.linkage.plate_side_m)
         text = words.format(1e3 * float(np.hypot(*(one_m - other_m))))
         if self.gap_label.text != text:
             self.gap_label.text = text

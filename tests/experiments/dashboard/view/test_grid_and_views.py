@@ -12,6 +12,7 @@ from experiments.dashboard.view.grid import (
     COARSE_M,
     FINE_M,
     axis_letters,
+    below_numbers,
     grid_lines,
     grid_numbers,
 )
@@ -56,7 +57,7 @@ def test_no_gauge_stands_between_the_camera_and_a_number():
 
 
 PHONE_PX = (390, 370)  # of the 3-D view, above the panel
-LABEL_PX, LETTER_PX = (92, 24), 12  # of a gauge's two lines, and of an axis's name
+LABEL_PX, LETTER_PX = (92, 24), 12  # of a label's two lines, and of an axis's name
 
 
 def on_phone(place) -> np.ndarray:
@@ -83,6 +84,14 @@ def test_the_labels_of_the_gauges_are_whole_on_a_phone_and_hide_no_axis():
             at = on_phone(letter)
             inside = (at > low - LETTER_PX / 2) & (at < high + LETTER_PX / 2)
             assert not inside.all(), (kind, place, at, low)
+
+
+def test_the_models_distance_hides_no_number_on_a_phone():
+    top = on_phone(below_numbers(SIDE_M))
+    assert top[1] + LABEL_PX[1] < PHONE_PX[1]
+    for text, place in [*grid_numbers(SIDE_M), *axis_letters(SIDE_M)]:
+        apart = np.abs(on_phone(place) - top - (0.0, LABEL_PX[1] / 2))
+        assert (apart > (np.array(LABEL_PX) + LETTER_PX) / 2).any(), text
 
 
 def test_a_page_moves_its_own_view_alone_and_may_without_the_controls():

@@ -24,6 +24,9 @@ def test_the_models_distance_says_what_noise_makes_and_each_ball_has_its_trail()
         scene = TableScene(server, Rig())
         scene.compare(np.array([0.01, 0.0]), np.array([0.021, 0.0]))
         assert scene.gap_label.text == "model 11.0 mm off\n(noise alone: 6 mm)"
+        label = np.array(scene.gap_label.position)
+        scene.compare(np.array([-0.1, 0.1]), np.array([-0.09, 0.1]))
+        assert scene.gap_label.position == pytest.approx(label)  # it hides nothing, wherever
         scene.draw_trails({"with": np.zeros((3, 2)), "without": np.ones((5, 2))})
         assert [len(scene.trails[name].points) for name in ("with", "without")] == [2, 4]
         unseen = np.array([[np.nan, np.nan], [0.0, 0.0], [0.01, 0.0]])  # before it was seen first
