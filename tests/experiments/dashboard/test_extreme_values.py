@@ -10,7 +10,7 @@ from experiments.dashboard.session.tasks import LONGEST_WORDS, DrawnFigures, Run
 from experiments.dashboard.tabs.gap import beside_list
 from experiments.dashboard.tabs.header import set_looks
 from experiments.dashboard.tabs.results import card, table
-from tests.support.in_browser.page import nothing_cut_off
+from tests.support.in_browser.page import CUT_OFF, nothing_cut_off
 from tests.support.shell_alone import ShellAlone, opened
 
 SIZES = ((1024, 1400), (1280, 1400), (390, 1600))
@@ -65,3 +65,15 @@ def test_tables_fit_the_panel_whatever_they_say(chromium, program: ShellAlone, a
         for outcome in page.get_by_text("completed", exact=True).all():  # the word is whole
             assert outcome.evaluate("one => one.getClientRects().length") == 1
     page.context.close()
+
+
+def test_words_that_do_not_fit_are_told_from_what_is_drawn_beside_them(chromium):
+    page = chromium.new_page()
+    page.set_content(
+        "<style>button { display: block; position: relative; overflow: hidden; "
+        "white-space: nowrap } .rule::after { content: ''; position: absolute; width: 200%; "
+        "left: 100%; height: 1px }</style>"
+        "<button class=rule>whole</button><button style='width: 40px'>cut off here</button>"
+    )
+    assert page.evaluate(CUT_OFF) == ["does not fit: cut off here"]
+    page.close()

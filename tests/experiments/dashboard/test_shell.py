@@ -145,6 +145,7 @@ def test_a_tab_stays_chosen_when_the_window_becomes_a_phones(chromium, program):
         page.set_viewport_size({"width": width, "height": height})
         page.wait_for_timeout(1500)
         page.get_by_text("the tab Gap").wait_for(timeout=10e3)
+        assert page.evaluate(CUT_OFF) == []
     page.context.close()
 
 
