@@ -53,15 +53,17 @@ def centroid_section(facts: dict, rig: Rig) -> Section:
     t = facts["without"]["T_s"]
     pd_only = ", ".join(f"{v:+.2f}" for v in facts["pd_only_cm"])
     two = facts["two_clusters"]
-    lines = [
+    identity = (
         f"The centroid hardly measures play. Over T = {t:.1f} s with PD alone it would lie "
         f"at ({pd_only}) cm with no play at all; with the integral "
         f"(I {rig.gains.integral_rad_m_s:g} rad/(m s)) the mean error is (change of the "
-        "integral)/(I T) where it was not clipped. Both sides of that identity, for Fig. 10:",
+        "integral)/(I T) where it was not clipped. Both sides of that identity, for Fig. 10:"
+    )
+    clusters = (
         "k-means with two clusters on the pooled samples separates the controllers with an "
         f"adjusted Rand index of {round(two['adjusted_rand_index'], 3) + 0.0:.3f} "
-        f"(0 = chance, 1 = fully; n = {two['samples']}).",
-    ]
+        f"(0 = chance, 1 = fully; n = {two['samples']})."
+    )
     rows = [
         [
             arm,
@@ -77,4 +79,5 @@ def centroid_section(facts: dict, rig: Rig) -> Section:
         "from the integral x, y [cm]",
         "ticks clipped x, y",
     ]
-    return Section("What the centroid can and cannot show", [*lines, Table(head, rows)])
+    blocks = [identity, Table(head, rows), clusters]
+    return Section("What the centroid can and cannot show", blocks)
