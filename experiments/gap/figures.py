@@ -275,9 +275,11 @@ def _step_label(added: str, steps: int) -> str:
     if not added:
         return "model\nas it came"
     label = "+ " + effect_words(added).replace(" + ", "\n+ ")
-    return (
-        "\n".join(fill(line, NARROW_LETTERS) for line in label.splitlines()) if steps > 4 else label
-    )
+    if steps <= 4:
+        return label
+    letters = min(NARROW_LETTERS, LINE_LETTERS // steps)
+    lines = [fill(line, letters, break_long_words=False) for line in label.splitlines()]
+    return "\n".join(lines)
 
 
 @our_style()

@@ -376,9 +376,13 @@ def test_figures_have_room_for_their_words():
     texts_inside(figures.ahead(rows, 2.0))
 
 
-def test_steps_of_as_many_names_as_there_can_be_do_not_touch():
-    longest = sorted((e.name for e in CATALOGUE), key=len)[-MAX_EFFECTS:]
-    figure = figures.shrinking([Step(n, dict.fromkeys(CHANNELS, 12.3)) for n in ("", *longest)])
+LONGEST = sorted((e.name for e in CATALOGUE), key=len)[-MAX_EFFECTS:]
+AXIS_BY_AXIS = "gear_backlash coulomb_friction voltage_offset joint_backlash level_offset".split()
+
+
+@pytest.mark.parametrize("names", [LONGEST, 2 * AXIS_BY_AXIS[:4] + AXIS_BY_AXIS[4:]])
+def test_steps_of_as_many_names_as_there_can_be_do_not_touch(names: list[str]):
+    figure = figures.shrinking([Step(n, dict.fromkeys(CHANNELS, 12.3)) for n in ("", *names)])
     figure.canvas.draw()
     axis = figure.axes[0]
     for texts in (axis.get_xticklabels(), sorted(axis.texts, key=lambda one: one.get_position())):
