@@ -220,9 +220,10 @@ class Curves:
         return [self._legend, self._values, self._words, *self._plots]
 
     def rest(self, words: str) -> None:
-        """Show `words` (Markdown) instead of the curves; "" takes the words away."""
+        """Show `words` (Markdown) instead of curves and legend; "" takes the words away."""
         if words != self._said:
             self._said = self._words.content = words
+            self._legend.visible = not words
         if words:
             self._show([False] * len(self._plots))
 
