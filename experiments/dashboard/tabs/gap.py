@@ -62,6 +62,7 @@ DOES = {
 }
 TICKED, LISTED = 4, 12  # runs that are ticked, and that are listed; chosen: minutes, a screen
 NONE_TICKED = "No run is ticked: make some in the tab Run, or try the demo."
+TAKES = "it takes some minutes, more with every effect that is found"
 OWN_TABLE = "*The demo has a table of its own: not the one that is drawn in the 3-D view.*"
 HIDDEN = "*What was hidden is shown as soon as 'Hide the truth' is unticked.*"
 GUESS = "I guess first: no true values here, nor in the 3-D view, until the tick is taken away"
@@ -92,8 +93,7 @@ def time_words(elapsed_s: int, before_s: float) -> str:
     """How long an analysis has been going on [s], and how long the newest one took, before_s [s],
     NaN: nobody knows. What is left is not foretold: every effect that is found begins a new search.
     """
-    known = isfinite(before_s)
-    before = f"the one before took {minutes(before_s)}" if known else "it takes some minutes"
+    before = f"the one before took {minutes(before_s)}" if isfinite(before_s) else TAKES
     return f"{minutes(elapsed_s)} so far; {before}"
 
 

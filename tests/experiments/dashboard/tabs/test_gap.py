@@ -277,7 +277,10 @@ def test_what_is_found_stands_in_place_of_what_can_be_asked(gap):
 
 
 def test_how_long_the_one_before_took_is_told_in_place_of_a_forecast(gap):
-    assert time_words(125, nan) == "2:05 so far; it takes some minutes"
+    assert (
+        time_words(125, nan)
+        == "2:05 so far; it takes some minutes, more with every effect that is found"
+    )
     assert time_words(125, 310.2) == "2:05 so far; the one before took 5:10"
     make, _, _, out = gap
     for number, kept in ((1, {"took_s": 310.2}), (2, {})):  # 2: as earlier versions wrote it
