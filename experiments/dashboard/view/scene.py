@@ -22,9 +22,9 @@ LEGEND_TABLE = """
 **Grey plate, orange ball**: the table as it is measured. Its trail is where the ball was, the
 **target** is where it shall be. Fine lines are 1 cm apart.
 
-**Pink ball**: the model, driven by the same volts and set onto the ball once a second. "model 11.0
-mm off (noise alone: 6 mm)": by the end of the second the camera's noise alone makes them part by
-about 6 mm; what is beyond that is what the model does not know.
+**Pink ball**: the model, driven by the same volts and set onto the ball once a second. Below the
+plate, "model 11.0 mm off (noise alone: 6 mm)": by the end of the second the camera's noise alone
+makes them part by about 6 mm; what is beyond that is what the model does not know.
 
 **Blocks beside the servos**: the play of gear and joint, 40 times as large. The
 **yellow** tooth moves between two jaws: a **grey** jaw is free, a **red** one is touched.
@@ -43,7 +43,7 @@ pass on; the play found is what that observer has found so far, gear full, joint
 """
 LEGEND_FILMS = """
 **Two small plates behind** (tab Gap, before and after): the model without and with the named
-effect, at the same moment of the recorded run; "off by" is the distance to the recorded ball.
+effect, at the same moment of the recorded run; "from the ball" is from the recorded one.
 
 **Coloured cells on the plate**: how far model and recording disagree there, in units of what even
 a perfect model would leave (noise floors).
