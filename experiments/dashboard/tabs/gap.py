@@ -201,7 +201,7 @@ class GapTab:
 
     def _hide(self, hides: bool) -> None:
         self._hidden.now = hides
-        if self.answer is not None and self._shows:
+        if self.answer is not None and self._shows and not self._asking:
             self._show(self.answer, earlier=self._earlier)
 
     def _ask(self, asks: bool) -> None:

@@ -227,6 +227,9 @@ def test_who_guesses_sees_no_truth_until_the_tick_is_taken_away(gap):
     for told in ("Hidden", "1.1", "agrees", "cogging", "truth 1"):
         assert told in tab._words.content.replace("&#46;", ".")
     assert tab._words.content.startswith("**Missing")  # the answer, then what was hidden
+    tab._ask(True)
+    tab._hide(True)
+    assert (tab._advice.visible, tab._words.visible) == (True, False)  # it is still asked for
 
 
 def test_what_is_known_otherwise_stands_below_what_was_found():
