@@ -1,7 +1,7 @@
 """What homing found, kept beside the rig file until the encoders may have lost their place."""
 
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from datetime import UTC, datetime, timedelta
 from math import inf, pi
 from pathlib import Path
@@ -176,6 +176,9 @@ def load(path: Path) -> Homed:
             raise ValueError("it is damaged, or was changed by hand")
         found = TypeAdapter(Homed).validate_python(kept)
         _check_values(found)
+        # No homing leaves a channel's meaning open: what stands for it elsewhere is a guess here.
+        if absent := {one.name for one in fields(Wiring)} - set(kept["wiring"]):
+            raise ValueError(f"wiring.{min(absent)} is missing")
         return found
     except ValueError as error:
         is_known = isinstance(error, ValidationError)

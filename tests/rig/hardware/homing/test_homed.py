@@ -84,6 +84,19 @@ def test_a_homing_of_an_earlier_version_has_no_checksum_and_is_read(tmp_path: Pa
     assert load(path).voltage_limit_V == inf
 
 
+@pytest.mark.parametrize("left", [set(), {"order", "sign_volts", "sign_angle", "counts_per_rev"}])
+def test_a_homing_that_leaves_out_what_a_channel_means_is_refused(tmp_path: Path, left: set):
+    """Without a checksum an empty wiring was taken for signs and zeros that homing had found."""
+    path = tmp_path / "rig.home.json"
+    homed("id ab").save(path)
+    told = json.loads(path.read_text())
+    del told["checksum"]
+    told["wiring"] = {key: value for key, value in told["wiring"].items() if key in left}
+    path.write_text(json.dumps(told))
+    with pytest.raises(NotHomed, match=r"wiring.c\w+ is missing.*run rig home"):
+        load(path)
+
+
 @pytest.mark.parametrize(
     ("key", "value", "why"),
     [
