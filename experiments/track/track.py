@@ -34,9 +34,7 @@ SHEET, RESULTS = "contact_sheet.png", "results.json"
 TRACK = "track.csv"
 MADE = (TRACK, "overlay.mp4", SHEET, RESULTS)
 EARLIER = "earlier-"  # before the names of files that a later film may replace
-SHEET_IMAGES = 48
-SHEET_COLUMNS = 6
-SHEET_WIDTH_PX = 320
+SHEET_IMAGES, SHEET_COLUMNS, SHEET_WIDTH_PX = 48, 6, 320
 TRAIL = 40
 
 Progress = Callable[[int, int | None], None]
@@ -131,12 +129,14 @@ def _tracked(
 
 
 def _clear(out: Path, address: str | Path | int) -> None:
-    """Take links and pipes away that lie where files are made. ValueError: such a file is the
-    recording, or would lie among its pictures.
+    """Take links and pipes away that lie where files are made. ValueError: one is the recording,
+    or would lie among its pictures.
     """
-    place = None if isinstance(address, int) else Path(address)
+    from vision.sources.sources import recorded
+
+    place = recorded(str(address))
     # Pictures are read from the folder itself: in a folder beside them nothing of theirs lies.
-    is_read = place and (place.is_file() or (place.is_dir() and place.resolve() == out.resolve()))
+    is_read = place and (place.is_file() or place.resolve() == out.resolve())
     for name in MADE:
         refuse_input("--out", out / name, [place] if place and is_read else [])
         freed(out / name)

@@ -231,6 +231,14 @@ def test_a_folder_where_a_file_is_to_be_made_is_refused_before_the_film_is_read(
     assert [one.name for one in (tmp_path / "out").iterdir()] == [name]
 
 
+def test_a_camera_by_number_is_no_folder_of_that_name(tmp_path, monkeypatch):
+    """Camera 0 was taken for the folder in which its results were to be written."""
+    (tmp_path / "90").mkdir()
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(OSError, match="90: the camera"):
+        track_video("90", "90")
+
+
 def test_a_folder_of_pictures_is_not_written_into(tmp_path):
     """Its own track.csv and a picture called contact_sheet.png were overwritten."""
     pictures = tmp_path / "pictures"
