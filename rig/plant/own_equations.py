@@ -5,6 +5,7 @@ effect. An address holds in the process that made it: a record is packed where i
 """
 
 from collections.abc import Mapping
+from math import isfinite
 
 import numpy as np
 from llvmlite import ir
@@ -20,10 +21,17 @@ OWN = np.dtype(
         ("ball", np.int64),
         ("address", np.int64, (2, SLOTS)),  # by side, 0: none
         ("null", np.float64, (SLOTS,)),  # of the first number
+        ("failed", np.int64),  # number, from 1, of the one that gave no finite number; 0: none
         ("values", np.float64, (2, SLOTS, KEYS)),  # by axis
     ]
 )
 SERVO, BALL = 0, 1
+
+
+class DivergedError(OSError):
+    """The simulated motion has left all bounds: no table moves like this."""
+
+    outcome = "diverged"
 
 
 def pack(own: tuple[OwnEffect, ...], values: Mapping[str, np.ndarray]) -> np.record:
@@ -49,6 +57,16 @@ def acts(own: np.record) -> bool:
     return bool(np.any(there & (own["values"][:, :, 0] != own["null"])))
 
 
+def check(record: np.record, own: tuple[OwnEffect, ...]) -> None:
+    """Raise DivergedError where the effects `own` of a record (dtype OWN) gave no finite number."""
+    if record["failed"]:
+        file = own[int(record["failed"]) - 1].file
+        raise DivergedError(
+            f"effect file {file}: equation gave no finite number as the table moved: it must give "
+            "one wherever the table goes and at every time"
+        )
+
+
 @intrinsic
 def _call(typingctx, address, u, v, t, a, b, c, d):
     """The answer of the C function at `address`, of 3 + KEYS numbers."""
@@ -68,11 +86,14 @@ def with_own(own, side, a, total, u, v, t):
     to it; at their null values it is returned unchanged.
 
     own: record of `pack`; side: SERVO or BALL; u, v: angle [rad] and rate [rad/s], or place [m] and
-    speed [m/s]; t: the run's time [s].
+    speed [m/s]; t: the run's time [s]. An answer that is not finite is noted for `check`.
     """
     for i in range(SLOTS):
         n = own.values[a, i]
         if own.address[side, i] != 0 and n[0] != own.null[i]:
             address = own.address[side, i]
-            total += _call(address, u, v, t, n[0], n[1], n[2], n[3])  # pyright: ignore[reportCallIssue]
+            answer = _call(address, u, v, t, n[0], n[1], n[2], n[3])  # pyright: ignore[reportCallIssue]
+            if not isfinite(answer):
+                own.failed = i + 1
+            total += answer
     return total

@@ -16,7 +16,7 @@ from rig.control.tick import BLIND, HOLD, control_tick, fill_row
 from rig.course import BLIND_LIMIT_S, RELEASE_LIMIT_S, Course
 from rig.log import COLUMNS, Log
 from rig.parameters import ANGLE_MARGIN_RAD, Rig
-from rig.plant import plant, plant_record
+from rig.plant import own_equations, plant, plant_record
 from rig.plant.plant import SEEN_T
 from rig.safety.limits import Braking, limit, limit_angle
 from rig.simulation import statistical_camera
@@ -281,7 +281,8 @@ def simulate(rig: Rig, known: Rig, compensator: int, course: Course, draws: Draw
 
     compensator: a number of `controllers.COMPENSATORS`; draws: of `draw(rng, rig, course)`.
     ValueError: `rig` and `known` differ in control_rate_hz, the draws are too few, or the rig's
-    effects are not those of the catalogue.
+    effects are not those of the catalogue. DivergedError: an effect of a lab's own gave no finite
+    number.
     """
     task = Task(rig, known, compensator, course, draws)
     task.check()
@@ -291,9 +292,10 @@ def simulate(rig: Rig, known: Rig, compensator: int, course: Course, draws: Draw
         np.ascontiguousarray(course.targets_m),
         np.ascontiguousarray(course.pushes_m_s2),
     )
+    p = plant_record.pack(rig)
     filled, ending = _run(
         plant.rest(course.start_m, rig.linkage.height_m),
-        plant_record.pack(rig),
+        p,
         q,
         plant_record.no_volts(rig),
         state,
@@ -307,6 +309,7 @@ def simulate(rig: Rig, known: Rig, compensator: int, course: Course, draws: Draw
         tick_buffers(),
         rows,
     )
+    own_equations.check(p["own"], rig.own)
     return Simulated(Log.from_rows(rows[0, :filled]), ENDINGS[ending])
 
 

@@ -12,8 +12,9 @@ import numpy as np
 
 from rig.compiled import compiled
 from rig.parameters import Rig
-from rig.plant import plant, plant_record
+from rig.plant import own_equations, plant, plant_record
 from rig.plant.effect_equations import camera_map
+from rig.plant.own_equations import DivergedError
 from rig.plant.plant import (
     ARM,
     MOTOR_RATE,
@@ -102,12 +103,6 @@ def camera_numbers(noise: np.random.Generator, drop: np.random.Generator, n: int
     return np.column_stack([noise.standard_normal((n, 2)), drop.random(n)])
 
 
-class DivergedError(OSError):
-    """The simulated motion has left all bounds: no table moves like this."""
-
-    outcome = "diverged"
-
-
 class SimulatedTable(LevelOnExit):
     """The plant of `rig` (effects included) with its sensors; every random number comes from `rng`.
 
@@ -130,7 +125,7 @@ class SimulatedTable(LevelOnExit):
         self.takes_angle = rig.servo.takes_angle
         self.held = held
         self.fallen = False
-        self._p = plant_record.pack(rig)
+        self._p, self._own = plant_record.pack(rig), rig.own
         self._s = plant.rest(start_m, rig.linkage.height_m)
         self._camera = statistical_camera.start(rig.camera.rate_hz)
         self._eye = eye
@@ -230,6 +225,7 @@ class SimulatedTable(LevelOnExit):
             next_exposure(self._camera),
             self._seen,
         )
+        own_equations.check(self._p["own"], self._own)
         angle_rad = float(np.abs(self._s[_ANGLES]).max())
         if not angle_rad < MOST_RAD:
             raise DivergedError(

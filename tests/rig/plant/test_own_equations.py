@@ -11,9 +11,11 @@ import pytest
 from rig.control.controllers import WITH, WITHOUT
 from rig.own_effects import read_effect
 from rig.parameters import Rig, Servo
+from rig.plant.own_equations import DivergedError
 from rig.plant.plant import ARM, BALL
 from rig.simulation.batch import simulate_many
 from rig.simulation.simulate import Task, draw, simulate
+from rig.simulation.simulator import SimulatedTable
 from tests.support.gap.own_effects import example, written
 from tests.support.simulated import (
     TICK_S,
@@ -135,3 +137,16 @@ def test_a_spawned_process_compiles_it_anew(tmp_path: Path):
     file.unlink()
     with multiprocessing.get_context("spawn").Pool(1) as pool:
         assert pool.apply(final_angle, (rig,)) == final_angle(rig)
+
+
+@pytest.mark.parametrize("side", ["servo", "ball"])
+def test_one_that_gives_no_number_on_the_way_is_named_with_its_file(tmp_path: Path, side: str):
+    """Infinite volts threw the arm, and the run blamed the encoder's cable."""
+    formula = "size_V * (1e200 if 0.25 < t_s < 9.0 else 0.0) ** 2"  # tried at 0 and 100 s alone
+    file = written(tmp_path, "broken", formula, side=side)
+    rig = smooth_rig(effects={"broken": {"x": {"size_V": 1.0}}}, own=(read_effect(file),))
+    with pytest.raises(DivergedError, match=f"^effect file {file}: equation gave no finite number"):
+        run(rig, WITHOUT, random_steps(np.random.default_rng(1), 0.6, every_s=0.2), 1, rig.known)
+    table = SimulatedTable(rig, np.random.default_rng(1))
+    with pytest.raises(DivergedError, match=f"^effect file {file}: equation gave no finite number"):
+        [table.read() for _ in range(400)]
