@@ -43,6 +43,7 @@ from experiments.records.samples_file import (
     plain_ending,
 )
 from experiments.records.samples_reading import (
+    LEAST_EVENT,
     LEFT_OUT,
     LONGEST_MESSAGE,
     MOST_EVENT_BYTES,
@@ -145,7 +146,7 @@ class Recorder:
         """
         event = plain({"t_s": float(t_s), "text": text, **data})
         record = event_record(event, self._start_ns, self._events)
-        size = len(record) - HEAD - MESSAGE_HEAD
+        size = max(len(record) - HEAD - MESSAGE_HEAD, LEAST_EVENT)
         if size > min(self._event_room, LONGEST_MESSAGE):
             if self._left_out:
                 return

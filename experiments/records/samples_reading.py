@@ -45,6 +45,7 @@ _TAGS = TAGS.tobytes()[::2], TAGS.tobytes()[1::2]  # low and high bytes
 # hundred times their bytes once they are decoded. Chosen: far beyond what a run has to say; a
 # `Recorder` writes no more.
 LONGEST_MESSAGE, MOST_EVENT_BYTES = 1 << 16, 1 << 24
+LEAST_EVENT = 64  # bytes that one counts for at least; chosen: of the shortest, four seconds' work
 LEFT_OUT = "events are left out from here on: they are too many, or too long"
 SHORTEST_ROW = 2  # bytes of a row's data: a tag and a time
 # Rows of another layout, which are decoded one by one; a longer file may hold what its size allows.
@@ -379,7 +380,7 @@ def _take_event(payload: bytes, reading: _Reading) -> None:
     """Take one event; the first for which there is no room is told by `LEFT_OUT`."""
     if reading.event_room < 0:  # the rows are none the worse for it
         return
-    reading.event_room -= len(payload)
+    reading.event_room -= max(len(payload), LEAST_EVENT)
     event = read_json(bytes(payload).decode())
     if not isinstance(event, dict) or not isinstance(event.get("text"), str):
         raise ValueError("an event without a text")

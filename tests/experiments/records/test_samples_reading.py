@@ -417,6 +417,16 @@ def test_brackets_beyond_all_measure_are_no_event():
     )
 
 
+def test_the_shortest_events_are_no_more_work_than_others():
+    """A chunk of a few kilobytes held 880 000 of them, which kept every command for 13 s."""
+    room = samples_reading.MOST_EVENT_BYTES // samples_reading.LEAST_EVENT
+    one = event_record({"t_s": 0, "text": ""}, START_NS, 0)
+    samples = read_samples(opening() + (room + 9) * one + plain_ending())
+    assert len(samples.events) == room + 1
+    assert samples.events[-1] == {"t_s": 0.0, "text": samples_reading.LEFT_OUT}
+    assert samples.complete
+
+
 def test_a_finished_file_without_a_row_is_complete():
     for events in ([], EVENTS):
         samples = read_samples(finished_file(np.empty((0, len(COLUMNS))), events, START_NS))
