@@ -2,6 +2,7 @@
 leads elsewhere.
 """
 
+import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
 from io import BytesIO
@@ -55,6 +56,19 @@ def subplots(
     figure = Figure(figsize=figsize)
     FigureCanvasAgg(figure)
     return figure, figure.subplots(rows, columns, **how)
+
+
+def style_trouble(error: Exception) -> str:
+    """The file for which matplotlib raised this as it was imported, and the cure, as nothing can be
+    drawn with it; "" of any other error.
+    """
+    if not isinstance(error, UnicodeDecodeError):
+        return ""
+    for frame, _ in traceback.walk_tb(error.__traceback__):
+        if frame.f_code.co_name == "_rc_params_in_file":
+            file = Path(frame.f_locals["fname"]).expanduser().resolve()
+            return f"{file}, matplotlib's own settings, is no UTF-8 text ({error}): mend or move it"
+    return ""
 
 
 @our_style()

@@ -1,9 +1,9 @@
 """What a terminal says of an error: the parser's own, the system's, or any."""
 
-import traceback
 from itertools import pairwise
-from pathlib import Path
 from typing import Any
+
+from experiments.picture_files import style_trouble
 
 
 def usage_words(error: Any, given: list[str]) -> str:
@@ -25,14 +25,4 @@ def error_words(error: Exception) -> str:
     if isinstance(error, OSError) and error.strerror:
         named = "" if error.filename is None else f"{error.filename}: "
         return f"{named}{error.strerror}"
-    if isinstance(error, UnicodeDecodeError) and _of_matplotlib(error):
-        return (
-            f"matplotlibrc, matplotlib's own settings, is no UTF-8 text ({error}): mend or move it"
-        )
-    return str(error)
-
-
-def _of_matplotlib(error: Exception) -> bool:
-    """Whether matplotlib itself raised it, as it was imported: nothing can be drawn then."""
-    frames = traceback.extract_tb(error.__traceback__)
-    return any(Path(frame.filename).parent.name == "matplotlib" for frame in frames)
+    return style_trouble(error) or str(error)

@@ -54,7 +54,7 @@ class Facts:
     where it is installed; packages: versions by name, None where missing; missing_files: files that
     the rig file names; calibration, homing: why the camera's, or that, cannot be used, remote: why
     the remote table does not answer (None: nothing wrong, or not checked); cache: why compiled
-    functions cannot be kept, and the cure, "" where they can.
+    functions cannot be kept, style: why no figure can be drawn, and the cures, "" where they can.
     """
 
     platform: str = "linux"
@@ -72,6 +72,7 @@ class Facts:
     remote: str | None = None
     homing: str | None = None
     cache: str = ""
+    style: str = ""
 
 
 @dataclass(frozen=True)
@@ -125,6 +126,9 @@ def examine(facts: Facts, rig: Rig) -> list[Finding]:
     if facts.cache:
         why, _, cure = facts.cache.partition("; ")
         found.append(Finding("cache of compiled functions", NOTE, why, cure))
+    if facts.style:
+        why, _, cure = facts.style.rpartition(": ")
+        found.append(Finding("figures", NOTE, why, cure))
     return found + _around(facts, rig)
 
 

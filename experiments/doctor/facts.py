@@ -6,10 +6,12 @@ Nothing is moved, and no port of a board is opened: some boards reset when that 
 import os
 import sys
 from contextlib import suppress
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 from experiments.doctor.doctor import PACKAGES, Device, Facts
+from experiments.picture_files import style_trouble
 from rig.parameters import Rig
 from vision.compiled import CACHE_NOTE
 
@@ -39,7 +41,16 @@ def gather(rig: Rig, rig_file: Path | None) -> Facts:
         remote=_remote(rig),
         homing=_homing(rig, rig_file),
         cache=CACHE_NOTE,
+        style=_style(),
     )
+
+
+def _style() -> str:
+    try:
+        import_module("matplotlib")  # reads its settings
+    except UnicodeDecodeError as error:
+        return style_trouble(error)
+    return ""
 
 
 def _user() -> str:

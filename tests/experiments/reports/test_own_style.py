@@ -89,6 +89,21 @@ def test_a_style_that_is_no_text_is_named_in_one_line(tmp_path: Path):
         text=True,
         check=True,
     )
-    said = done.stdout.splitlines()
-    assert len(said) == 1
-    assert said[0].startswith("matplotlibrc, matplotlib's own settings, is no UTF-8 text")
+    (said,) = done.stdout.splitlines()
+    assert said.startswith(f"{tmp_path}/matplotlibrc, matplotlib's own settings, is no UTF-8 text")
+
+
+def test_the_doctor_says_that_no_figure_can_be_drawn(tmp_path: Path):
+    (tmp_path / "matplotlibrc").write_bytes(b"font.size: 12  # caf\xe9\n")
+    asks = "from experiments.cli.application import app; app(['doctor'])"
+    done = subprocess.run(
+        [sys.executable, "-c", asks],
+        cwd=tmp_path,
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0
+    (said,) = [line for line in done.stdout.splitlines() if "figures:" in line]
+    assert f"{tmp_path}/matplotlibrc, matplotlib's own settings, is no UTF-8 text" in said
