@@ -12,6 +12,9 @@ from experiments.importing.units import canonical, factor, is_time
 MAX_COLUMNS = (
     2000  # chosen: a table has fewer than a hundred signals, a laboratory's file a few more
 )
+LONGEST_NAME = (
+    300  # characters; chosen: of a signal deep in a model. What names mean is searched for
+)
 MAX_VALUE = 1e20  # a date in nanoseconds is 2e18
 MAX_CELLS = 100_000_000  # chosen: 800 MB as doubles, a day of ten signals at 100 Hz
 SAME = 1e-3  # of a row: by so little two clocks differ in one moment when units are converted
@@ -52,6 +55,7 @@ class Stream:
     session: name of the column in which every session has another number, if the format has one.
     notes: what was odd; unreadable: column name -> its cells that are NaN without being blank.
     by_rate: name of the time that a stated rate of the rows makes, for want of a clock.
+    BadFileError: a column's name or unit is longer than LONGEST_NAME.
     """
 
     columns: Mapping[str, np.ndarray]
@@ -61,6 +65,14 @@ class Stream:
     notes: tuple[str, ...] = ()
     unreadable: Mapping[str, Unreadable] = field(default_factory=dict)
     by_rate: str | None = None
+
+    def __post_init__(self) -> None:
+        longest = max((*self.columns, *self.units.values()), key=len, default="")
+        if len(longest) > LONGEST_NAME:
+            raise BadFileError(
+                f"a name of {len(longest)} characters (limit: {LONGEST_NAME}) is no column's: "
+                f"{longest[:20]} ...; shorten it"
+            )
 
     def __len__(self) -> int:
         """Return the number of rows."""

@@ -106,3 +106,19 @@ def test_damaged_floats_warn_nobody(tmp_path: Path):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert np.isnan(read_recording(path).stream.columns["g/u"]).all()
+
+
+@pytest.mark.parametrize("head", ["_", "[", "10*"])
+def test_a_name_of_a_hundred_thousand_characters_is_one_line(tmp_path: Path, head: str):
+    """What names mean is searched for, which took hours of one as long as a small file."""
+    rows = "\n".join(f"{i / 100},{i % 7},{i % 5}" for i in range(60))
+    (tmp_path / "a.csv").write_text(f"t [s],{(head * 120_000)[:120_000]}mm],y\n{rows}\n")
+    with pytest.raises(BadFileError, match=r"^[^\n]*limit: 300[^\n]*$") as error:
+        read_recording(tmp_path / "a.csv")
+    assert len(str(error.value)) < 400
+
+
+def test_a_line_above_the_table_is_searched_for_a_rate_only_if_it_is_one(tmp_path: Path):
+    rows = "\n".join(f"{i % 3};{i % 7};{i % 5}" for i in range(60))
+    (tmp_path / "a.csv").write_text(f"{'rate' * 30_000}0\nx;y;a\n{rows}\n")
+    assert [*read_recording(tmp_path / "a.csv").stream.columns] == ["x", "y", "a"]

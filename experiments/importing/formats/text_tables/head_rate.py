@@ -24,6 +24,7 @@ _STEP = re.compile(  # what seconds are those of
 )
 _HERTZ = {"hz": 1.0, "fps": 1.0, "khz": 1e3, "fs": 1.0, "rate": 1.0, "freq": 1.0}
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "dt": 1.0}
+LONGEST = 1000  # characters of a line that is searched; chosen: one that states a rate has a tenth
 RATES_HZ = (4.0, 5000.0)  # slower no such table is read, faster none can be
 MIN_COUNTED = 0.5  # chosen: share of rows one after the other in a column that counts them
 
@@ -39,6 +40,7 @@ def time_by_rate(
     rate is one of rows only where they are counted.
     """
     counted = next((values for values in columns.values() if _counts(values)), None)
+    lines = [line for line in lines if len(line) <= LONGEST]
     lines = [line for line in lines if counted is not None or not _OF_FRAMES.search(line)]
     of = [line for line in lines if _OF_ROWS.search(line) or _OF_FRAMES.search(line)]
     of = [line for line in of if len(re.findall(_NUMBER, line)) == 1]
