@@ -122,3 +122,20 @@ def test_a_line_above_the_table_is_searched_for_a_rate_only_if_it_is_one(tmp_pat
     rows = "\n".join(f"{i % 3};{i % 7};{i % 5}" for i in range(60))
     (tmp_path / "a.csv").write_text(f"{'rate' * 30_000}0\nx;y;a\n{rows}\n")
     assert [*read_recording(tmp_path / "a.csv").stream.columns] == ["x", "y", "a"]
+
+
+@pytest.mark.parametrize(
+    ("name", "long", "row"),
+    [
+        ("a.jsonl", '{{"t": 0, "w": "12:00:00{0}x"}}', '{{"t": {0}, "x": {1}, "y": {2}}}'),
+        ("a.txt", "t:0 x:2 a=({1}", "t:{0} x:{1} y:{2}"),
+    ],
+)
+def test_one_long_text_is_looked_through_once(tmp_path: Path, name: str, long: str, row: str):
+    """What its words mean was tried in every way in which blanks or digits can be shared out, for
+    hours."""
+    rows = [row.format(k / 100 + 0.01, k % 7, k % 5) for k in range(300)]
+    lines = [long.format(" " * 100_000, "1" * 100_000), *rows]
+    (tmp_path / name).write_text("\n".join(lines) + "\n")
+    stream = read_recording(tmp_path / name).stream
+    assert {*stream.columns} == {"t", "x", "y"}

@@ -6,22 +6,29 @@ import numpy as np
 
 from experiments.importing.units import canonical, factor
 
-_SPAN = re.compile(r"\s*(\d+(?:[.,]\d+)?(?:e[-+]?\d+)?)\s*([a-zµμ]+)\s*")
+LONGEST = 64  # characters; chosen: a date, a time to the nanosecond and a zone have 35
+_SPAN = re.compile(r"(\d+(?:[.,]\d+)?(?:e[-+]?\d+)?)\s*([a-zµμ]+)")
 _CLOCK = re.compile(
-    r"\s*(?:(\d{4}-\d\d-\d\d)[T ]|\d{1,4}[./-]\d{1,2}[./-]\d{1,4},?\s+|(\d+) days?,? )?"
+    r"(?:(\d{4}-\d\d-\d\d)[T ]|\d{1,4}[./-]\d{1,2}[./-]\d{1,4},?\s+|(\d+) days?,? )?"
     r"(\d{1,2}):(\d\d):(\d\d(?:[.,]\d+)?)\s*([AaPp][Mm])?\s*"
-    r"(?:Z|UTC|([+-]\d\d):?(\d\d))?\s*"
+    r"(?:Z|UTC|([+-]\d\d):?(\d\d))?"
 )
+
+
+def _match(pattern: re.Pattern[str], cell: str) -> re.Match[str] | None:
+    """How a text is of a pattern; one that is longer than LONGEST is of none."""
+    cell = cell.strip()
+    return pattern.fullmatch(cell) if len(cell) <= LONGEST else None
 
 
 def is_clock(cell: str) -> bool:
     """Whether the text is a time of day."""
-    return _CLOCK.fullmatch(cell) is not None or _span_s(cell) is not None
+    return _match(_CLOCK, cell) is not None or _span_s(cell) is not None
 
 
 def _span_s(cell: str) -> float | None:
     """Seconds of a number with its unit, `0.02 sec`; None: it is none."""
-    match = _SPAN.fullmatch(cell)
+    match = _match(_SPAN, cell)
     unit = canonical(match[2]) if match else None
     if match and unit in ("s", "min"):  # 1.5 ms is rather a servo's pulse
         return float(match[1].replace(",", ".")) * (factor(unit, "t_s") or 1.0)
@@ -32,7 +39,7 @@ def clock_seconds(cell: str) -> float:
     """Seconds of a date of ISO 8601 with time (since 1970 at Greenwich), or of a time of day (since
     midnight) whatever other date stands before it: which of its numbers is the day, is open. Of a
     span, too: `0 days 00:00:00.02`, `0.02 sec`."""
-    match = _CLOCK.fullmatch(cell)
+    match = _match(_CLOCK, cell)
     if not match:
         span = _span_s(cell)
         return np.nan if span is None else span

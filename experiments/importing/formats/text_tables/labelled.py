@@ -10,7 +10,7 @@ from experiments.importing.formats.text_tables.clock_text import clock_seconds, 
 from experiments.importing.recording import Stream, once_each
 from experiments.importing.units import canonical
 
-_NUMBER = r"[-+]?(?:(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|(?:nan|inf|NaN|Inf|NAN|INF))"
+_NUMBER = r"[-+]?(?:(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?|(?:nan|inf|NaN|Inf|NAN|INF))"
 _NAME = r"[\s,;|]*([^\W\d][^:=,;|]{0,63})[:=]\s*"
 _PAIR = re.compile(rf"{_NAME}({_NUMBER})(?![\d.])")
 _LIST = re.compile(rf"{_NAME}[(\[]\s*({_NUMBER}(?:[\s,;]+{_NUMBER}){{1,15}})\s*[)\]]")
