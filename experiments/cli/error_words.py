@@ -3,8 +3,6 @@
 from itertools import pairwise
 from typing import Any
 
-from experiments.picture_files import style_trouble
-
 
 def usage_words(error: Any, given: list[str]) -> str:
     """The parser's own error in words, with the value that it refuses and where help is."""
@@ -22,6 +20,8 @@ def usage_words(error: Any, given: list[str]) -> str:
 
 def error_words(error: Exception) -> str:
     """The error in words; one of the system's own is "FILE: what it says", without its number."""
+    from experiments.picture_files import style_trouble
+
     if isinstance(error, OSError) and error.strerror:
         named = "" if error.filename is None else f"{error.filename}: "
         return f"{named}{error.strerror}"
