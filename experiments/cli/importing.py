@@ -196,13 +196,14 @@ def _refuse_others(files: list[Path], recordings, made, said) -> None:
 
     A file in which nothing can be compared says nothing against it.
     """
-    from experiments.importing.agreement import contradiction
+    from experiments.importing.agreement import contradiction, other_pace
     from experiments.importing.proposal import propose
     from experiments.importing.recording import BadFileError
 
     for path, recording in zip(files, recordings, strict=True):
         try:
-            words = contradiction(made, propose(recording.stream, said))
+            words = other_pace(made, recording.stream)
+            words = words or contradiction(made, propose(recording.stream, said))
         except BadFileError:
             continue
         except ValueError as error:

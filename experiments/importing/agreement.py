@@ -4,9 +4,13 @@ from collections.abc import Mapping
 from math import pi
 from typing import Any
 
+import numpy as np
+
+from experiments.importing.clock import read_clock
 from experiments.importing.draft import Proposal
 from experiments.importing.import_map import ImportMap, SignalMap, Stated, TimeMap
 from experiments.importing.recording import Stream
+from experiments.importing.roles import STEPS_S
 from experiments.importing.units import canonical, factor, family
 
 ASKED = ("column", "unit", "sign")  # what the recordings of one rig have in common
@@ -75,6 +79,16 @@ def other_unit(made: ImportMap, stream: Stream, said: Stated, first: Stream | No
         if unit is not None and unit not in known and "unit" not in said.get(name, {}):
             return f"its own {name}.unit is {unit}, not {own.unit}"
     return ""
+
+
+def other_pace(made: ImportMap, stream: Stream) -> str:
+    """Why the rows of a file are no table's in the unit of the map's time, which may have been
+    stated for another file, in words; "" where they may be. BadFileError: of `read_clock`."""
+    steps = np.diff(read_clock(stream, made.time).unrolled)
+    usual_s = float(np.median(steps[np.isfinite(steps)])) if np.isfinite(steps).any() else 0.0
+    if not usual_s or STEPS_S[0] <= usual_s <= STEPS_S[1]:
+        return ""
+    return f"its rows would be {usual_s:.4g} s apart"
 
 
 def _stated(stream: Stream, column: str | None, name: str) -> str | None:
