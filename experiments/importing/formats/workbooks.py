@@ -26,7 +26,8 @@ MAX_SHEET_BYTES = 1_000_000_000  # of all sheets, unpacked: as of text; they are
 MAX_ROW_BYTES = 10_000_000
 MAX_ROWS = 1_048_576  # of a sheet, and the number of the last; Excel's own limit
 MAX_OTHER_BYTES = 50_000_000  # of the rest, read at once; chosen: a million dates as words
-# Elements but for WORDS, each of which costs far more than its bytes. Chosen: of all sheets a
+# Elements but for WORDS, each of which costs far more than its bytes; a row with cells beyond
+# column ZZ counts for all columns up to its last, since it is read as wide. Chosen: of all sheets a
 # minute's work, a full one of fourteen columns; of the rest ten times the most styles of Excel.
 MAX_ELEMENTS, MAX_OTHER_ELEMENTS = 30_000_000, 655_360
 WORDS = ("si", "t")
@@ -81,13 +82,17 @@ def _check_limit(what: str, size: int, most: int, unit: str = "bytes") -> None:
 def _checked(file: IO[bytes], most: int) -> int:
     """The number of elements of a part but for WORDS. BadFileError: it has more than `most`, more
     rows than a sheet, one of a larger number, or one or a tag that is too long."""
-    parser, fed, begin, rows, elements = expat.ParserCreate(), 0, 0, 0, 0
+    parser, fed, begin, rows, elements, far = expat.ParserCreate(), 0, 0, 0, 0, 0
+    number_of = library("openpyxl.utils", "a workbook").column_index_from_string
 
     def begins(name: str, said: dict[str, str]) -> None:
-        nonlocal begin, rows, elements
+        nonlocal begin, rows, elements, far
         name = name.rpartition(":")[2]
         elements += name not in WORDS
+        if name == "c" and said.get("r", "")[2:3].isalpha():
+            far = number_of(said["r"][:3])
         if name == "row":
+            elements, far = elements + far, 0
             begin, rows = parser.CurrentByteIndex, max(rows + 1, int(said.get("r", 0)))
 
     parser.StartElementHandler = begins

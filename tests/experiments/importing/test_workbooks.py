@@ -150,6 +150,15 @@ def test_more_parts_than_a_recording_has_are_told_in_a_line(
         read_recording(path)
 
 
+def test_many_rows_that_end_far_away_are_refused(tmp_path: Path):
+    """A million rows of one blank cell each, 16 384 columns away, were read for hours."""
+    path = saved(tmp_path / "a.xlsx", {"Run": rows_of()})
+    rows = b"".join(b'<row r="%d"><c r="XFD%d" s="0"/></row>' % (i, i) for i in range(100, 2100))
+    _changed(path, SHEET, lambda text: text.replace(b"</sheetData>", rows + b"</sheetData>"))
+    with pytest.raises(BadFileError, match="too many cells, words or styles"):
+        read_recording(path)
+
+
 def test_a_sheet_named_a_thousand_times_is_refused(tmp_path: Path):
     """Each name of it cost the time of reading it."""
     path = saved(tmp_path / "a.xlsx", {"Run": rows_of()})
