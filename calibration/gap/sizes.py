@@ -11,29 +11,21 @@ from calibration.gap.model.state import State
 from calibration.gap.name.stepwise import Accepted
 from calibration.statistics import student_quantile
 
-NO_SIZE = "the interval of its size holds its nominal value, or 0 of a limit"
-
 
 def not_a_size(state: State, one: Accepted, spread: Mapping[str, Spread]) -> str:
     """The reason of rule 3 in words; "" if no axis is at the end of its range, and the name stands
     on one of its axes."""
     if any(_size_of(state, one, axis, spread)[2] for axis in one.axes):
         return "its size is at the end of its range, so it stands for something else"
-    return NO_SIZE if len(_without_size(state, one, spread)) == len(one.axes) else ""
+    if axes_with_size(state, one, spread):
+        return ""
+    return "the interval of its size holds its nominal value, or 0 of a limit"
 
 
-def stray_axes(state: State, one: Accepted, spread: Mapping[str, Spread]) -> dict[str, str]:
-    """By axis the reason of rule 3 in words, where a name has no size but has one on another."""
-    axes = _without_size(state, one, spread)
-    if len(axes) == len(one.axes):
-        return {}
-    return {axis: f"not named on {axis}: {one.name}: {NO_SIZE}" for axis in axes}
-
-
-def _without_size(state: State, one: Accepted, spread: Mapping[str, Spread]) -> list[str]:
-    """The axes on which the interval of the size holds the nominal value."""
+def axes_with_size(state: State, one: Accepted, spread: Mapping[str, Spread]) -> tuple[str, ...]:
+    """The axes on which the interval of the size excludes the nominal value."""
     sizes = {axis: _size_of(state, one, axis, spread) for axis in one.axes}
-    return [axis for axis, (size, own, _) in sizes.items() if size < interval(0.0, own).high]
+    return tuple(a for a, (size, own, _) in sizes.items() if not size < interval(0.0, own).high)
 
 
 def faint(state: State, one: Accepted, spread: Mapping[str, Spread]) -> str:

@@ -9,9 +9,8 @@ what a name gains 1 s ahead (`calibration.gap.held_out`), C the cost one sample 
    other by rule 7, it is not told on the one. Where something without a name is left, a name may
    stand for a part of it: it needs D > SURE_Z se on one of its outputs, and is certain only where
    it predicts that output better one sample ahead than each rival in its place, as in rule 7.
-3. The 95 % interval of its size excludes the nominal value (an axis on which it does not is not
-   told), and the size is not at the end of its range on any axis, where it would have to be larger
-   to be what its name says.
+3. The 95 % interval of its size excludes the nominal value, and the size is not at the end of its
+   range on any axis, where it would have to be larger to be what its name says.
 4. Its best rival in its place does not predict better 1 s ahead: D < SURE_Z se of the rival's gain.
 5. Its size is a constant, what it explains does not come before it, and it is not known to stand in
    for something else (`calibration.gap.constancy`, `.specification`). If not, something else acts
@@ -79,7 +78,7 @@ from calibration.gap.name.load_friction import (
 )
 from calibration.gap.name.naming_steps import NamingStep, Tell, untold
 from calibration.gap.name.stepwise import Accepted, settled_baseline
-from calibration.gap.sizes import faint, not_a_size, stray_axes
+from calibration.gap.sizes import faint, not_a_size
 from calibration.gap.specification import (
     another_response,
     completeness,
@@ -161,8 +160,7 @@ def judge(decision: Decision) -> tuple[Decision, list[str], tuple[str, ...]]:
         return decision, [], ()
     tried = _try(decision)
     for one in decision.accepted:
-        vain = stray_axes(tried.alone, one, tried.spread)
-        if worse := vain or harmed_axes(decision, one, tried.after):
+        if worse := harmed_axes(decision, one, tried.after):
             told, barred, more = judge(_off_axes(decision, one, worse))
             return told, barred, (*worse.values(), *more)
     lost, outdone, reasons = _refuted(decision, tried)

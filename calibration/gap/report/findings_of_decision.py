@@ -25,6 +25,7 @@ from calibration.gap.name.decide import Decision
 from calibration.gap.name.screen import Screened
 from calibration.gap.name.stepwise import Accepted
 from calibration.gap.prove import model_of
+from calibration.gap.sizes import axes_with_size
 from rig.effects import BY_NAME, Effect
 from rig.parameters import GEARS_INERTIA_HIGH_KG_M2, Rig
 
@@ -134,7 +135,9 @@ def named(decision: Decision, accepted: Accepted, spread: Mapping[str, Spread]) 
     """An accepted effect as the findings have it, on the axes where it is told. `spread`: as in
     `parameters`."""
     state = decision.state
-    found = parameters(state, accepted.name, accepted.told_axes(state), spread)
+    large = replace(accepted, axes=accepted.told_axes(state))
+    axes = axes_with_size(state, large, spread) or large.axes
+    found = parameters(state, accepted.name, axes, spread)
     twins = twins_of(accepted.name, state.nominal.rig)
     return Named(accepted.name, accepted.probability, twins, found)
 

@@ -18,7 +18,8 @@ from calibration.gap.model.state import State
 from calibration.gap.name.decide import Decision, decide
 from calibration.gap.name.load_friction import friction_models
 from calibration.gap.name.stepwise import Accepted, Naming, settled_baseline
-from calibration.gap.sizes import faint, not_a_size, stray_axes
+from calibration.gap.report.findings_of_decision import named
+from calibration.gap.sizes import axes_with_size, faint, not_a_size
 from calibration.gap.veto import _better, decide_by_proof, judge
 from rig.log import Log
 from rig.parameters import Drive, Rig
@@ -194,10 +195,13 @@ def test_a_size_counts_beyond_its_interval_and_is_certain_beyond_chance(
 
 def test_an_axis_without_a_size_is_not_told_beside_one_that_has_it():
     one = Accepted("coulomb_friction", ("x", "y"), 50.0, ())
-    for deviation_V, axes in ((0.01, []), (0.2, ["x"]), (2.0, [])):
+    state, all_axes = with_friction(), ("x", "y")
+    for deviation_V, axes in ((0.01, all_axes), (0.2, ("y",)), (2.0, ())):
         spread = {f"coulomb_friction.friction_V.{a}": Spread(deviation_V, 40, 40.0) for a in "xy"}
-        assert list(stray_axes(with_friction(), one, spread)) == axes
-    assert not_a_size(with_friction(), one, spread) != ""
+        assert axes_with_size(state, one, spread) == axes
+        assert bool(not_a_size(state, one, spread)) != bool(axes)
+        decision = Decision("named", None, (one,), None, state)
+        assert tuple(named(decision, one, spread).parameters) == (axes or all_axes)
 
 
 def test_a_limit_that_is_no_longer_infinite_is_a_size():
@@ -266,7 +270,7 @@ def test_what_a_refuted_name_leaves_has_to_stand_without_it(monkeypatch, falls: 
         gone = gone or list(one.accepted if falls else ())
         return gone, [], [f"not named: {name.name}" for name in gone]
 
-    monkeypatch.setattr(veto, "_try", lambda decision: veto._Tried(decision.state, {}, {}, {}, {}))
+    monkeypatch.setattr(veto, "_try", lambda decision: veto._Tried(None, {}, {}, {}, {}))
     monkeypatch.setattr(veto, "_refuted", refuted)
     monkeypatch.setattr(veto, "_doubted", lambda decision, tried: (list(decision.accepted), []))
     monkeypatch.setattr(
