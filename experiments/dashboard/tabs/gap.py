@@ -183,7 +183,7 @@ class GapTab:
         self._clear: Any = gui.add_button("Take the map off the plate", color="gray", visible=False)
         controls.button(self._clear, "map", lambda page: self._lay(None))
         self._gallery = Gallery(server, "Pictures")
-        self._gui, self._demo = gui, False
+        self._gui, self._demo, self._of = gui, False, ""
         self._advised: list[str] | None = None
         self._on, self._until = -1, 0.0  # stage, and where the bar stands when it ends [%]
         self._does, self._elapsed = "", Elapsed()
@@ -271,7 +271,10 @@ class GapTab:
             self._controls.queue.put("gap", partial(self._on_message, kind, what))
 
         self._worker.put(WorkItem("gap", task, on_message))
-        self._demo = logs is None
+        self._demo, self._of = logs is None, OWN_TABLE
+        if logs is not None:
+            labels = [row.label for row in self._rows() if row.folder in logs]
+            self._of = f"*Analysed: {plain('; '.join(labels))}*"
         if page is not None:
             self._show_playback(page, None)  # it would be taken for this analysis's
         self._on, self._until, self._shows = -1, 0.0, False
@@ -318,11 +321,10 @@ class GapTab:
             self._advice.content = plain(advice(protocols) if protocols else NONE_TICKED)
         if self._does and self._elapsed.changed():
             self._bar.value += CREEP * max(self._until - self._bar.value, 0.0)
-            table = f"\n\n{OWN_TABLE}" if self._demo else ""
             before_s = nan if self.answer is None else self.answer.short.took_s
             time = time_words(self._elapsed.seconds, before_s)
             does = waits_for(self._worker, "gap") or self._does
-            self._words.content = f"*{does}* ({time}){table}"
+            self._words.content = f"*{does}* ({time})\n\n{self._of}"
 
     def _end(self, answer: GapAnswer) -> None:
         self.answer, self._does = answer, ""

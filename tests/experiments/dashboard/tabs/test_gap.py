@@ -12,6 +12,7 @@ import pytest
 
 from experiments.dashboard.server.controls import ControlLock, Controls
 from experiments.dashboard.server.server import open_server
+from experiments.dashboard.server.untrusted_text import plain
 from experiments.dashboard.session.gap_tasks import (
     ANSWER,
     GapAnswer,
@@ -21,7 +22,13 @@ from experiments.dashboard.session.gap_tasks import (
 )
 from experiments.dashboard.session.tasks import RunSummary, list_runs
 from experiments.dashboard.session.worker_process import WorkItem
-from experiments.dashboard.tabs.gap import GapTab, beside_list, good_runs, time_words
+from experiments.dashboard.tabs.gap import (
+    OWN_TABLE,
+    GapTab,
+    beside_list,
+    good_runs,
+    time_words,
+)
 from experiments.dashboard.tabs.guess import digits
 from experiments.gap.demo import demo_runs
 from experiments.records.recording import write_run
@@ -307,3 +314,14 @@ def test_an_analysis_that_waits_for_a_calibration_says_so(gap, monkeypatch):
     worker.before = ""
     tab.draw()
     assert tab._words.content.startswith("*starting")
+
+
+def test_what_is_being_analysed_is_said(gap):
+    make, _, rows, _ = gap
+    tab = make()
+    for logs, said in (([rows[1].folder, rows[3].folder], True), (None, False)):
+        tab.begin(logs, None)
+        tab.draw()
+        labels = f"{rows[1].label}; {rows[3].label}"
+        assert (f"*Analysed: {plain(labels)}*" in tab._words.content) == said
+        assert (OWN_TABLE in tab._words.content) != said
