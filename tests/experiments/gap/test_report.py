@@ -31,6 +31,7 @@ from calibration.gap.report.units import interval_words, key_words, parameter_un
 from experiments.gap import figures
 from experiments.gap.report import NOISES, write_findings, write_gap_report
 from experiments.gap.short_answer import details
+from experiments.gap.stages import name_stage
 from experiments.gap.summary import summary_lines
 from experiments.gap.when import when_words
 from experiments.gap.words import (
@@ -204,6 +205,12 @@ def test_rivals_get_an_experiment_and_its_command(pages):
     assert "expected separation is 27.0 (10 decides)" in text
     assert "rig run steps --arm with --rig rig.toml" in text
     assert "structural twins: a pure delay from encoder to plate" in text
+
+
+def test_of_more_than_two_names_the_sentence_says_which_are_rivals(tmp_path):
+    found = rivals()
+    found = replace(found, effects=(*named().effects, *found.effects))
+    assert found.sentence in name_stage(found, tmp_path).blocks
 
 
 @pytest.mark.parametrize("make", [named, unknown, nothing])
