@@ -202,8 +202,8 @@ def _refuse_others(files: list[Path], recordings, made, said) -> None:
 
     for path, recording in zip(files, recordings, strict=True):
         try:
-            words = other_pace(made, recording.stream)
-            words = words or contradiction(made, propose(recording.stream, said))
+            words = contradiction(made, propose(recording.stream, said))
+            words = words or other_pace(made, recording.stream)
         except BadFileError:
             continue
         except ValueError as error:
