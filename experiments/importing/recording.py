@@ -12,9 +12,8 @@ from experiments.importing.units import canonical, factor, is_time
 MAX_COLUMNS = (
     2000  # chosen: a table has fewer than a hundred signals, a laboratory's file a few more
 )
-LONGEST_NAME = (
-    300  # characters; chosen: of a signal deep in a model. What names mean is searched for
-)
+# Characters, since what names mean is searched for; chosen: of a signal deep in a model.
+LONGEST_NAME = 300
 MAX_VALUE = 1e20  # a date in nanoseconds is 2e18
 MAX_CELLS = 100_000_000  # chosen: 800 MB as doubles, a day of ten signals at 100 Hz
 SAME = 1e-3  # of a row: by so little two clocks differ in one moment when units are converted

@@ -68,10 +68,10 @@ def _check_bytes(path: Path) -> None:
         for one in whole:
             with parts.open(one) as file:
                 if one in sheets:
-                    cells += _checked(file, MAX_ELEMENTS - cells)
+                    cells = _counted(file, cells, MAX_ELEMENTS)
                     continue
                 with suppress(expat.ExpatError):  # no part of XML, or one that is not read
-                    others += _checked(file, MAX_OTHER_ELEMENTS - others)
+                    others = _counted(file, others, MAX_OTHER_ELEMENTS)
 
 
 def _check_limit(what: str, size: int, most: int, unit: str = "bytes") -> None:
@@ -79,10 +79,10 @@ def _check_limit(what: str, size: int, most: int, unit: str = "bytes") -> None:
         raise BadFileError(f"its {what} {size} {unit} (limit: {most}): save the sheet as .csv")
 
 
-def _checked(file: IO[bytes], most: int) -> int:
-    """The number of elements of a part but for WORDS. BadFileError: it has more than `most`, more
-    rows than a sheet, one of a larger number, or one or a tag that is too long."""
-    parser, fed, begin, rows, elements, far = expat.ParserCreate(), 0, 0, 0, 0, 0
+def _counted(file: IO[bytes], elements: int, most: int) -> int:
+    """The number of elements but for WORDS of the parts so far and this one. BadFileError: they are
+    more than `most`, or it has more rows than a sheet, or one or a tag that is too long."""
+    parser, fed, begin, rows, far = expat.ParserCreate(), 0, 0, 0, 0
     number_of = library("openpyxl.utils", "a workbook").column_index_from_string
 
     def begins(name: str, said: dict[str, str]) -> None:
@@ -102,9 +102,8 @@ def _checked(file: IO[bytes], most: int) -> int:
         _check_limit("longest tag has", fed - at, MAX_ROW_BYTES)
         _check_limit("longest row has", at - begin if rows else 0, MAX_ROW_BYTES)
         _check_limit("sheet has", rows, MAX_ROWS, "rows")
-        if elements > most:
-            raise BadFileError("it has too many cells, words or styles: save the sheet as .csv")
-    return elements
+        _check_limit("parts have", elements, most, "cells, rows, styles or other elements")
+    return elements + far
 
 
 def _streams(book: Any) -> list[Stream]:
