@@ -131,12 +131,10 @@ def name_stage(found: Findings, folder: Path) -> Section:
             )
     if found.verdict == "undecided" and found.effects:
         names = [f"{e.name} ({percent(e.probability)})" for e in found.effects]
-        said = f"It is {' or '.join(names)}: these logs do not tell them apart."
+        apart = f"It is {' or '.join(names)}: these logs do not tell them apart."
+        apart = apart if len(names) == 2 else found.sentence  # which says who rivals whom
         doubt = f"It may be {', '.join(names)}, or something else: the notes say why."
-        if are_rivals(found):  # of more than two, the sentence says which
-            blocks.append(said if len(names) == 2 else found.sentence)
-        else:
-            blocks.append(doubt)
+        blocks.append(apart if are_rivals(found) else doubt)
     if found.unknown is not None:
         left = found.unknown
         formula = f" A formula that holds on held-out data: {left.formula}." if left.formula else ""

@@ -23,7 +23,7 @@ def test_a_call_may_call_in_its_turn(threads: int):
 
 def test_two_calls_are_under_way_at_once():
     meeting = threading.Barrier(2, timeout=60.0)
-    side_by_side(lambda _: meeting.wait(), range(2), 2)
+    assert sorted(side_by_side(lambda _: meeting.wait(), range(2), 2)) == [0, 1]
 
 
 def test_an_exception_is_raised_and_what_has_not_begun_is_left():
