@@ -25,6 +25,7 @@ NEEDY = (
     "tests/experiments/export/test_windows_fmu.py",
     "tests/experiments/gap/test_recordings.py",
     "tests/experiments/importing/test_extra_formats.py",
+    "tests/experiments/importing/test_workbooks.py",
     "tests/rig/firmware",
     "tests/rig/gym",
     "tests/rig/hardware/board/test_board.py",
