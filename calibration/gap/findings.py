@@ -125,8 +125,8 @@ class Untestable:
 
 @dataclass(frozen=True)
 class Step:
-    """The gaps by channel, in noise floors, after an effect was added; `added` is "" for the model
-    as it came."""
+    """The gaps by channel, in noise floors, after an effect was added; `added`: its name, with the
+    axis if it is one ("gear_backlash x"), "" for the model as it came."""
 
     added: str
     gap: dict[str, float]

@@ -184,9 +184,13 @@ def steps(
     path: tuple[tuple[str, State], ...], levels: np.record, floor: Mapping[str, float]
 ) -> tuple[Step, ...]:
     """The gaps by channel after each addition of `path` (name added, state), over `floor` (channel
-    -> rad or m), on all data and at the same noise `levels` (dtype NOISE)."""
-    found = []
+    -> rad or m), on all data and at the same noise `levels` (dtype NOISE). An effect that an
+    addition brings on one axis is told with it."""
+    found, before = [], set()
     for added, state in path:
         sizes = rms(state.evidence.with_levels(levels), model_of(state))
-        found.append(Step(added, {c: v / floor[c] for c, v in sizes.items() if c in floor}))
+        axes = [axis for name, axis in {*state.named} - before if name == added]
+        words = f"{added} {axes[0]}" if axes in (["x"], ["y"]) else added
+        found.append(Step(words, {c: v / floor[c] for c, v in sizes.items() if c in floor}))
+        before = {*state.named}
     return tuple(found)

@@ -105,7 +105,7 @@ def test_the_floor_does_not_depend_on_what_it_is_compared_with():
 
 def test_the_steps_go_from_the_model_as_it_came_to_the_last_effect():
     steps = investigation().findings.steps
-    assert [step.added for step in steps] == ["", "joint_backlash"]
+    assert [step.added for step in steps] == ["", "joint_backlash x"]
     assert steps[0].gap["ball_x"] > 1.1 > steps[1].gap["ball_x"]
 
 
