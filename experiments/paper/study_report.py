@@ -162,9 +162,9 @@ def claims_section(claims: Sequence[Mapping]) -> Section:
         "lag, friction, offset, level and tachometer within the spread of real units). The "
         "improvement is without - with. A claim holds only if its whole 95 % interval lies above "
         "the smallest that matters, and fails if it lies below; that was fixed beforehand: a "
-        "pixel of the paper's camera (0.0625 cm), an encoder count (0.09 deg). The interval "
-        "decides; p is shown, corrected "
-        "for all tests, and decides nothing. A pair in which a run did not complete is left out. "
+        "pixel of the paper's camera (0.0625 cm), an encoder count (0.0879 deg). The "
+        "interval decides; p is shown, corrected for all tests, and decides nothing. A pair in "
+        "which a run did not complete is left out. "
         "Before its release the ball is held while the controller already tilts the plate."
     )
     verdicts = [VERDICT_WORDS[c["holds"]] for c in claims]
@@ -190,7 +190,7 @@ def _claim_row(c: Mapping, verdict: str) -> list[str]:
         f"{factor * c['mean_without']:.3f} {unit}",
         f"{factor * c['mean_with']:.3f} {unit}",
         f"{effect} [{low}, {high}] {unit}",
-        f"{factor * c['relevant']:.2g} {unit}",
+        f"{factor * c['relevant']:.3g} {unit}",
         f"{c['runs']}" + (f" ({c['left_out']} left out)" if c["left_out"] else ""),
         f"{c['p_holm']:.2g}",
     ]
