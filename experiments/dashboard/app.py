@@ -30,7 +30,7 @@ from experiments.dashboard.tabs.results import ResultsTab
 from experiments.dashboard.tabs.run import RunTab
 from experiments.dashboard.tabs.tour import Tour, both_completed
 from experiments.dashboard.view.backlash_gauges import BacklashGauges
-from experiments.dashboard.view.big_view import big_view
+from experiments.dashboard.view.big_view import RESTING, big_view
 from experiments.dashboard.view.camera_view import RESTS, CameraView
 from experiments.dashboard.view.curves import LIVE, STOPPED, Curves
 from experiments.dashboard.view.film_view import FilmView
@@ -213,7 +213,7 @@ class App:
             compared,
             self._replayed,
             "play" in self.calibrate.accepted,
-            self.gap.answer is not None,
+            self.gap.answer is not None and bool(self.gap.answer.short.truth),  # the demo's
         )
 
     def _stop(self, who: str) -> None:
@@ -314,9 +314,7 @@ class App:
 
     def _draw_camera(self, now: LiveState, count: int) -> None:
         """What the camera sees: the real one, or the virtual one of the present pose."""
-        if self.session.status.state in ("at rest", "stopped") and isinstance(
-            self.eye, VirtualCamera
-        ):
+        if self.session.status.state in RESTING and isinstance(self.eye, VirtualCamera):
             self.camera.hide(RESTS if self.camera.wanted else "")
             return
         fresh = now.row is not None and now.row[0] - now.seen_s < UNSEEN_S
@@ -334,7 +332,10 @@ class App:
         self.gap.draw()
         self.gauges.show(not self.gap.hides_truth)
         self.gauges.tell(self.session.table.real or "play" in self.calibrate.accepted)
-        self.curves.head(STOPPED if status.state in ("stopped", "at rest") else LIVE)
+        rests = status.state in RESTING
+        self.curves.head(STOPPED if rests else LIVE)
+        if rests:  # a model that nothing drives any more is no forecast
+            self.scene.compare(None, None)
         if fresh:
             self.curves.draw(curve := self.live.curve())
             self.portrait.draw(curve, status.of)
@@ -349,7 +350,8 @@ class App:
             target = np.array([start.x_m, start.y_m])
         self.scene.pose(shown_angles(row), ball, target)
         ghost = self._ghost
-        self.scene.compare(ball, ghost.ball_m if ghost.on_plate else None)
+        shown = ghost.on_plate and status.state not in RESTING
+        self.scene.compare(ball, ghost.ball_m if shown else None)
         found = row[_FOUND]
         self.gauges.draw(self._ghost_of, ghost.gear_twist_rad, ghost.joint_twist_rad, found)
 

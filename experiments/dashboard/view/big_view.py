@@ -12,7 +12,7 @@ from rig.parameters import Rig
 POINTS = 200  # of a curve; chosen: a screen shows no more
 RMS_S = 10.0
 UNSEEN_S = 0.3  # an older sight of the ball is not shown
-RESTS = ("at rest", "stopped")  # states in which what was seen last is no longer so
+RESTING = ("at rest", "stopped")  # states in which what was seen last is no longer so
 _T, _BALL, _TARGET = (INDEX[name] for name in ("t_s", "ball_x_m", "target_x_m"))
 
 
@@ -24,7 +24,7 @@ def big_view(rig: Rig, now: LiveState, status: SessionStatus, curve: np.ndarray)
     """
     row, run = now.row, status.run
     target = None if row is None else _place(row[_TARGET : _TARGET + 2])
-    rests = status.state in RESTS
+    rests = status.state in RESTING
     seen = row is not None and row[_T] - now.seen_s < UNSEEN_S and not rests
     thin = curve[:: max(1, -(-len(curve) // POINTS))]
     does = status.of or ("stopped" if rests else status.state)

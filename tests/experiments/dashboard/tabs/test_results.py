@@ -90,6 +90,9 @@ def test_an_older_pair_of_another_protocol_is_not_what_is_shown(tmp_path: Path):
         assert next_step(App._steps_done(app)) == 0  # pyright: ignore[reportArgumentType]
         tab.compared = True  # by this program, before
         assert next_step(App._steps_done(app)) == 2  # pyright: ignore[reportArgumentType]
+        for truth in ("", "hidden: 2 degrees"):  # own runs were analysed; the demo, the fifth step
+            app.gap.answer = SimpleNamespace(short=SimpleNamespace(truth=truth))
+            assert App._steps_done(app)[4] == bool(truth)  # pyright: ignore[reportArgumentType]
     finally:
         controls.queue.close()
         server.stop()
