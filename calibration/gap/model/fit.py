@@ -31,6 +31,10 @@ POOR_SHARE, NARROWER, NARROWEST = 0.1, 0.3, 0.05
 ASTRAY = 0.5  # share of what secants promise by which the gain may differ before they are renewed
 STEP_LENGTHS = (1.0, 0.33, 0.1)  # of the Gauss-Newton step, tried in turn
 RIDGE = 1e-3  # of the normal matrix, in steps^-2: a parameter on which no data depend stays
+# A fit is given up that lacks more than all it has gained, and GIVEN_UP times what any search along
+# the axes gained; chosen: in fits that were followed to their end, no search was followed by gains
+# of both together.
+GIVEN_UP = 10.0
 # Along a principal axis of the normal matrix, in standard deviations, tried in turn; chosen.
 AXIS_LENGTHS = (9.0, 3.0, 1.0)
 Bounds = Mapping[str, tuple[float, float]]
@@ -236,10 +240,11 @@ def fit(
     bounds: Bounds,
     *,
     iterations: int = ITERATIONS,
+    needed: float = np.inf,
 ) -> ParameterFit:
     """Fit the parameters of `bounds` (name -> (low, high)) from `start` by bounded Gauss-Newton
     until C with the prior falls by less than CONVERGED_GAIN; all other parameters stay as in
-    `start`.
+    `start`. A fit that has no chance of the cost `needed` is given up (GIVEN_UP).
 
     Secants are kept from step to step, those of `start` too, until C has fallen by
     STALE_SECANT_GAIN and falls by ASTRAY more or less than they promise, or not at all. Where new
@@ -250,6 +255,7 @@ def fit(
     problem = _Problem(evidence, nominal, [nominal.parameters[name] for name in bounds], bounds)
     best = _inside(evidence, nominal, start, bounds)
     taken_at, width, done, searched = start.cost, 1.0, 0, False
+    begun, most = best.cost, 0.0
     while done < iterations:
         columns = differences(evidence, nominal, best, problem.parameters, bounds, width)
         kept = kept_columns(columns, problem.parameters)
@@ -259,7 +265,9 @@ def fit(
         best, gain, promised = _along_step(problem, best, a, b)
         if gain < CONVERGED_GAIN and not searched:
             best, gain = _along_axes(problem, best, a)
-            searched = gain < STALE_SECANT_GAIN
+            searched, most = gain < STALE_SECANT_GAIN, max(most, gain)
+            if best.cost - needed > max(begun - best.cost, GIVEN_UP * most):
+                break
         wide = promised > STALE_SECANT_GAIN and gain < POOR_SHARE * promised
         narrow = wide and not stale and width > NARROWEST
         width *= NARROWER if narrow else 1.0

@@ -58,7 +58,7 @@ def key_of(
     nominal: NominalModel,
     start: "ParameterFit",
     bounds: "Bounds",
-    iterations: int,
+    options: tuple[float, ...],
 ) -> tuple[tuple, tuple]:
     """All that a fit of the outputs of `start.rolls` depends on: values, arrays by their identity,
     and the objects identified, which have to live as long as the key."""
@@ -78,7 +78,7 @@ def key_of(
         outputs,
         tuple(sorted(felt.items())),
         tuple(bounds.items()),
-        iterations,
+        options,
         *(_levels(evidence.levels, output) for output in outputs),
         tuple(sorted(start.columns)),
         tuple(map(id, held)),

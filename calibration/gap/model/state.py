@@ -102,9 +102,10 @@ def refit(
     bounds: Mapping[str, tuple[float, float]],
     *,
     iterations: int = ITERATIONS,
+    needed: float = np.inf,
 ) -> State:
     """The state with the parameters of `bounds` (name -> (low, high)) fitted on the outputs that
-    they move, as `fit` does with these options; all other parameters and outputs stay. `KeyError`:
+    they move, as `fit` does with these options (`needed`: a cost of all outputs); all other parameters and outputs stay. `KeyError`:
     no such parameter."""
     felt = {output for name in bounds for output in state.nominal.parameters[name].outputs}
     old = state.fit
@@ -115,9 +116,10 @@ def refit(
         {key: column for key, column in old.columns.items() if key[0] in felt},
     )
     evidence, nominal = state.evidence, state.nominal
+    needed -= sum(cost for p, cost in old.costs.items() if p not in felt)
     done = evidence.fits.of(
-        key_of(evidence, nominal, start, bounds, iterations),
-        lambda: fit(evidence, nominal, start, bounds, iterations=iterations),
+        key_of(evidence, nominal, start, bounds, (iterations, needed)),
+        lambda: fit(evidence, nominal, start, bounds, iterations=iterations, needed=needed),
     )
     moved = {name: done.setting[name] for name in bounds if name in done.setting}
     merged = ParameterFit(

@@ -8,6 +8,8 @@ parameters released (`calibration.gap.decision_rule`).
 from collections.abc import Collection
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from calibration.gap.decision_rule import (
     EFFECTS_REFITTED,
     MAX_SATURATION_RATIO,
@@ -113,12 +115,14 @@ def rank(
     *,
     most: int = EFFECTS_REFITTED,
     in_place_on: Collection[str] = (),
+    rivalled: float = -np.inf,
 ) -> list[CandidateFit]:
     """Refit the `most` effects that the screen ranks first, each released on the axes that need it;
     best score first.
 
     Lower-ranked effects are refitted, too, while no better-ranked one has kept its screened gain.
-    `in_place_on`: the axes of a name in whose place they are tried, on all of them.
+    `in_place_on`: the axes of a name in whose place they are tried, on all of them; `rivalled`: its
+    score: a fit that has no chance of one as high is given up (`calibration.gap.model.fit`).
     """
     by_name: dict[str, list[Screened]] = {}
     for one in screened:
@@ -130,7 +134,7 @@ def rank(
     best_on_side = {side[name]: gain[name] for name in reversed(order)}
 
     def released(name: str) -> CandidateFit:
-        return _release(state, name, _axes(by_name[name], screened, in_place_on))
+        return _release(state, name, _axes(by_name[name], screened, in_place_on), rivalled)
 
     order = [name for name in order if gain[name] >= MIN_REFIT_GAIN]
     worth = [gain[name] >= MIN_SHARE_OF_BEST * best_on_side[side[name]] for name in order]
@@ -168,9 +172,11 @@ def _axes(
     ]
 
 
-def _release(state: State, name: str, chosen: list[Screened]) -> CandidateFit:
+def _release(
+    state: State, name: str, chosen: list[Screened], rivalled: float = -np.inf
+) -> CandidateFit:
     """The effect released on the axes of `chosen` and refitted; without the axes on which it turns
-    out not to be identified, where another axis is left."""
+    out not to be identified, where another axis is left. `rivalled`: as of `rank`."""
     axes = tuple(one.axis for one in chosen)
     keys = tuple((name, axis) for axis in axes)
     felt = moved_by(state.nominal, keys)
@@ -196,14 +202,15 @@ def _release(state: State, name: str, chosen: list[Screened]) -> CandidateFit:
             costs=state.fit.costs | moved.costs,
         ),
     )
-    done = refit(begun, begun.bounds(outputs))
+    needed = np.inf if anew else state.fit.cost - rivalled
+    done = refit(begun, begun.bounds(outputs), needed=needed)
     gain = sum(state.fit.costs[o] - done.fit.costs[o] for o in state.fit.costs if o not in anew)
     if anew:
         done = settle(done, anew)
         gain += fall_of_cost(state, done, anew)
     candidate = CandidateFit(name, axes, done, gain)
     real = [one for one in chosen if candidate.is_identified(one.axis)]
-    return _release(state, name, real) if 0 < len(real) < len(chosen) else candidate
+    return _release(state, name, real, rivalled) if 0 < len(real) < len(chosen) else candidate
 
 
 def _inside(state: State, start: Start) -> dict[str, float]:

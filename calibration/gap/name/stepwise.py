@@ -293,8 +293,8 @@ def backward_step(
     known, axes = state.nominal.catalogue, [a for _, a in keys]
     outputs = [p for p in outputs_of(known[name], axes) if p in bare.fit.rolls]
     screened = screen(bare, outputs, skip=[*keys, *skip])
-    fits = rank(bare, screened, most=RIVALS_REFITTED, in_place_on=axes)
     own = CandidateFit(name, tuple(axis for _, axis in keys), state, bare.fit.cost - state.fit.cost)
+    fits = rank(bare, screened, most=RIVALS_REFITTED, in_place_on=axes, rivalled=own.score)
     if fits and fits[0].score > own.score and fits[0].score >= NAME_THRESHOLD:
         winner = fits[0]
         state = settle(winner.state, moved_by(state.nominal, winner.keys))
