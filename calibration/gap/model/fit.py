@@ -336,6 +336,8 @@ def _along_axis(
             while (dear := problem.cost(tried)) < cost - CONVERGED_GAIN:
                 at, cost, here = tried, dear, problem.value(tried)
                 tried = problem.moved(at, step)
+            if rise < -CONVERGED_GAIN:
+                break  # the other way is back
         if told:
             break
     return at

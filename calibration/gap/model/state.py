@@ -202,9 +202,9 @@ def plain(state: State) -> State:
     return refit(moved, moved.bounds(outputs), iterations=3)
 
 
-def drop_effects(state: State, keys: Iterable[Key]) -> State:
-    """The state with the effects `keys` (effect, axis) back inside their tolerance boxes,
-    refitted."""
+def drop_effects(state: State, keys: Iterable[Key], *, needed: float = np.inf) -> State:
+    """The state with the effects `keys` (effect, axis) back inside their tolerance boxes, refitted
+    (`needed`: as of `refit`)."""
     keys = set(keys)
     known = set(state.evidence.outputs)
     outputs = [output for output in moved_by(state.nominal, keys) if output in known]
@@ -222,7 +222,7 @@ def drop_effects(state: State, keys: Iterable[Key]) -> State:
         costs=state.fit.costs | moved.costs,
     )
     bare = replace(state, fit=fit, named=tuple(k for k in state.named if k not in keys))
-    return refit(bare, bare.bounds(outputs))
+    return refit(bare, bare.bounds(outputs), needed=needed)
 
 
 def cheaper(one: State, other: State) -> State:

@@ -110,7 +110,7 @@ def _with_law(state: State, axis: str) -> State:
         fits = each(lambda one: settle(one, (f"servo_{axis}",)), _cheaper_half(fits))
     state = reduce(cheaper, fits)
     for key in named:
-        bare = drop_effects(state, [key])
+        bare = drop_effects(state, [key], needed=state.fit.cost + NAME_THRESHOLD)
         free = released(state.nominal.catalogue[key[0]], axis, state.nominal, state.fit.setting)
         gain = bare.fit.cost - state.fit.cost
         if penalised_gain(gain, len(free)) < NAME_THRESHOLD:

@@ -289,7 +289,7 @@ def backward_step(
     Returns the state that follows, and the effect that stands in its place (None: dropped).
     """
     keys = [key for key in state.named if key[0] == name]
-    bare = drop_effects(state, keys)
+    bare = drop_effects(state, keys, needed=state.fit.cost + NAME_THRESHOLD)
     known, axes = state.nominal.catalogue, [a for _, a in keys]
     outputs = [p for p in outputs_of(known[name], axes) if p in bare.fit.rolls]
     screened = screen(bare, outputs, skip=[*keys, *skip])
