@@ -259,15 +259,18 @@ def test_differences_are_the_secants_of_the_roll_outs(name: str, linear: bool):
             assert np.linalg.norm(secants[1] - secants[0]) < 0.05 * size
 
 
-def test_in_a_narrow_valley_the_fit_ends_as_low_as_powells_method():
+@cache
+def narrow_valley() -> State:
     """An axis with fine counts and hardly any friction: secants over a whole step lead nowhere, and
     a play of a tenth of a count is a ditch."""
     columns, _, _ = WORLDS["healthy_axis"](2000)
-    evidence, nominal = (
-        evidence_of(Log.from_columns(columns)),
-        NominalModel(RIG, load_friction=False, coasts=False),
-    )
-    state = baseline(evidence, nominal)
+    evidence = evidence_of(Log.from_columns(columns))
+    return baseline(evidence, NominalModel(RIG, load_friction=False, coasts=False))
+
+
+def test_in_a_narrow_valley_the_fit_ends_as_low_as_powells_method():
+    state = narrow_valley()
+    evidence, nominal = state.evidence, state.nominal
     names, box = zip(*state.bounds(("servo_x",)).items(), strict=True)
     scale = np.array([nominal.parameters[name].step for name in names])
     low, high = np.array(box).T / scale
@@ -280,6 +283,19 @@ def test_in_a_narrow_valley_the_fit_ends_as_low_as_powells_method():
     other = minimize(cost, first, method="Powell", bounds=list(zip(low, high, strict=True)))
     assert cost(first) - other.fun > 300.0
     assert cost(first) - state.fit.cost > 0.97 * (cost(first) - other.fun)
+
+
+def test_a_fit_is_given_up_only_where_what_it_needs_is_far():
+    state, outputs = narrow_valley(), ("servo_x",)
+    bounds = state.bounds(outputs)
+    first = evaluate(state.evidence, state.nominal, {}, outputs)
+    whole = fit(state.evidence, state.nominal, first, bounds)
+    gained = first.cost - whole.cost
+    for share, ends in ((0.5, True), (20.0, False)):
+        needed = whole.cost - share * gained
+        done = fit(state.evidence, state.nominal, first, bounds, needed=needed)
+        assert (done.setting == whole.setting) == ends
+        assert first.cost - done.cost > 0.5 * gained
 
 
 def test_at_the_upper_bound_the_difference_goes_down():
