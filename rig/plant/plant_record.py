@@ -21,7 +21,7 @@ _MODELS = {"exact": EXACT, "dead_zone": DEAD_ZONE, "none": NONE}
 _PER_AXIS = (
     "torque_per_volt motor_damping motor_inertia motor_per_torque motor_per_volt gear_k gear_c "
     "gear_decay gear_1 gear_2 gear_coast joint_k joint_c joint_decay joint_1 joint_2 joint_fall "
-    "friction_held ratio weight felt_weight half_side plate_side arm_radius rod"
+    "friction_held ratio weight felt_weight half_side plate_side arm_radius rod period_begin_s"
 ).split() + list(Servo.by_axis)
 _SCALARS = (
     "step_s gain time_constant arm_inertia plate_inertia arm_friction joint_friction "

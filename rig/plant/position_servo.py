@@ -129,9 +129,11 @@ def next_rate(error, rate, law, h):
 
 @inlined
 def told_at(p, a, now):
-    """Time of the command that reaches the servo of axis `a` at the time now [s]."""
+    """Time of the command that reaches the servo of axis `a` at the time now [s]; a period of the
+    servo begins at p.period_begin_s."""
     late = servo_dead_time(p.dead_time_s[a], p.servo_dead_time_delay_s[a])
-    return clocked(now - late, p.period_s[a])
+    begin = p.period_begin_s[a]
+    return begin + clocked(now - late - begin, p.period_s[a])
 
 
 @inlined

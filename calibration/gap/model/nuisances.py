@@ -3,8 +3,9 @@
 Of a servo that takes an angle and reads it back: the lag M with which its motor takes up speed, and
 the share of min(M, dead time) that the rig file tells as dead time and is lag (of M alone, shares
 beyond the dead time would be one model, and no fit comes away from there). They change the shape of
-the answer, not how late it is. Of one that takes volts: the share of the ball's weight that turns
-its motor, which is none behind a worm gear.
+the answer, not how late it is. Of one that takes a command once a period: when a period begins,
+which no log tells; a command waits for it up to a period. Of one that takes volts: the share of the
+ball's weight that turns its motor, which is none behind a worm gear.
 """
 
 from __future__ import annotations
@@ -15,25 +16,36 @@ from calibration.gap.model.record import Places
 from rig.parameters import Rig
 
 MOTOR_KEY, SHARE_KEY, LOAD_KEY = "motor_lag_s", "as_dead_time_1", "felt_weight_1"
+BEGIN_KEY = "period_begin_s"
 HIGHEST_LAG_S = 0.1  # of a motor; chosen, as of a heavy plate
 
 
-def nuisances(rig: Rig) -> Iterator[tuple[str, str, float, float]]:
-    """Key, axis, nominal and highest value of each of a rig's; the lowest is 0, the tolerance the
-    highest: a prior that decides only where the logs tell nothing."""
+Nuisance = tuple[str, str, float, float, tuple[float, float]]
+
+
+def nuisances(rig: Rig) -> Iterator[Nuisance]:
+    """Key, axis, nominal value, tolerance and range of each of a rig's. What is within its
+    tolerance over the whole range has no prior; a beginning has that of a uniform one, so that what
+    is told of a dead time beside it is as uncertain."""
     for axis in "xy":
         servo = rig.servo.on(axis)
         if not servo.takes_angle:
-            yield LOAD_KEY, axis, 1.0, 1.0
-        elif servo.has_angle:
-            yield MOTOR_KEY, axis, servo.motor_lag_s, max(HIGHEST_LAG_S, servo.motor_lag_s)
-            yield SHARE_KEY, axis, 0.0, 1.0
+            yield LOAD_KEY, axis, 1.0, 1.0, (0.0, 1.0)
+            continue
+        if (period_s := servo.period_s) > 0.0:
+            yield BEGIN_KEY, axis, 0.5 * period_s, 0.5 * period_s, (-period_s, 2.0 * period_s)
+        if servo.has_angle:
+            high_s = max(HIGHEST_LAG_S, servo.motor_lag_s)
+            yield MOTOR_KEY, axis, servo.motor_lag_s, high_s, (0.0, high_s)
+            yield SHARE_KEY, axis, 0.0, 1.0, (0.0, 1.0)
 
 
 def write(numbers: memoryview[float], places: Places, a: int, given: Mapping[str, float]) -> None:
     """Write the nuisances `given` (key -> value) of axis `a` into a record's numbers."""
     if LOAD_KEY in given:
         numbers[places["felt_weight"][a]] *= given[LOAD_KEY]
+    if BEGIN_KEY in given:
+        numbers[places[BEGIN_KEY][a]] = given[BEGIN_KEY]
     if MOTOR_KEY in given:
         lag, dead, motor = (places[k][a] for k in ("lag_s", "dead_time_s", MOTOR_KEY))
         numbers[motor] = given[MOTOR_KEY]

@@ -53,7 +53,7 @@ STEPS = {
     "stiffness_1_s2": 0.02, "deceleration_m_s2": 0.001, "extra_s": 0.001, "angle_rad": 0.003,
     "k1_1_m2": 0.1, "height_m": 0.002, "lag_s": 0.002, "limit_rad_s": 0.05,
     "half_width_rad": 0.001, "fall_1": 1.0, "motor_lag_s": 0.001, "as_dead_time_1": 0.2,
-    "felt_weight_1": 0.1,
+    "felt_weight_1": 0.1, "period_begin_s": 0.001,
 }  # fmt: skip
 OWN_STEPS = {
     "transmission_ripple.sine": 0.001,
@@ -181,6 +181,7 @@ class NominalModel:
             # Of a servo that holds its angle, it holds the plate in its play.
             self._record["joint_friction"] *= float(rig.servo.takes_angle)
         self._places = places(self._record.dtype)
+        self._record["period_begin_s"] = 0.5 * self._record["period_s"]
         self.coasts = bool(np.any(self._record["gear_coast"]))
         self.plate_may_fall = not (self._record["joint_friction"] or rig.servo.takes_angle)
         self.effects = effects_in(rig)
@@ -212,8 +213,9 @@ class NominalModel:
                     "", key, axis, nominal, inf, nominal / 12, nominal * 12, 0.02 * nominal
                 )
         both = self.rig.linkage.kind == THREE_ARMS
-        for key, axis, nominal, high in nuisances(self.rig):
-            yield Parameter("", key, axis, nominal, high, 0.0, high, STEPS[key], in_both=both)
+        shown = {"in_ball": servo.takes_angle and not servo.has_angle, "in_both": both}
+        for key, axis, nominal, tolerance, ends in nuisances(self.rig):
+            yield Parameter("", key, axis, nominal, tolerance, *ends, STEPS[key], **shown)
         for effect in self.effects:
             for axis in effect.axes:
                 for key in _keys(effect):

@@ -15,7 +15,7 @@ from calibration.gap.model.data import OUTPUTS, Evidence
 from calibration.gap.model.fit import ITERATIONS, ParameterFit, evaluate, fit
 from calibration.gap.model.kept_fits import key_of
 from calibration.gap.model.noise import estimate, least_noise
-from calibration.gap.model.nuisances import LOAD_KEY, MOTOR_KEY, SHARE_KEY
+from calibration.gap.model.nuisances import BEGIN_KEY, LOAD_KEY, MOTOR_KEY, SHARE_KEY
 from calibration.gap.model.parameters import (
     BALL,
     CALIBRATED,
@@ -31,8 +31,13 @@ from rig.effects import Effect
 
 RESTART_RATIO = 1.7  # of K or tau to its nominal: beyond, other starts are tried, too; chosen
 SERVO_GUESSES = dict.fromkeys(CALIBRATED, GUESSES)
-# From a motor without a lag nothing tells which share of it is told as dead time; chosen.
-ANSWER_GUESSES = {MOTOR_KEY: (0.005, 0.01, 0.02, 0.04), SHARE_KEY: (0.0, 1.0)}
+# From a motor without a lag nothing tells which share of it is told as dead time; and what is met
+# between two commands is another one for each quarter of a period; chosen.
+ANSWER_GUESSES = {
+    MOTOR_KEY: (0.005, 0.01, 0.02, 0.04),
+    SHARE_KEY: (0.0, 1.0),
+    BEGIN_KEY: (0.0, 0.5, 1.0, 1.5),
+}
 Key = tuple[str, str]  # effect, axis
 
 
@@ -105,8 +110,8 @@ def refit(
     needed: float = np.inf,
 ) -> State:
     """The state with the parameters of `bounds` (name -> (low, high)) fitted on the outputs that
-    they move, as `fit` does with these options (`needed`: a cost of all outputs); all other parameters and outputs stay. `KeyError`:
-    no such parameter."""
+    they move, as `fit` does with these options (`needed`: a cost of all outputs); all other
+    parameters and outputs stay. `KeyError`: no such parameter."""
     felt = {output for name in bounds for output in state.nominal.parameters[name].outputs}
     old = state.fit
     start = ParameterFit(
@@ -157,18 +162,23 @@ def _servo_guess(
     evidence: Evidence, nominal: NominalModel, guesses: Mapping[str, Sequence[float]]
 ) -> ParameterFit:
     """The nominal model, on each axis the best of the grid of `guesses` (key of a servo's own
-    parameter -> values, those of CALIBRATED as shares of nominal) that the model has."""
+    parameter -> values, as shares of nominal but for a motor's lag), of those that the model has.
+    """
     best = evaluate(evidence, nominal, {}, evidence.outputs)
-    for output in sorted(set(SERVO) & set(evidence.outputs)):
-        known = (nominal.parameters.get(f".{key}.{output[-1]}") for key in guesses)
+    for axis in "xy":
+        known = [nominal.parameters.get(f".{key}.{axis}") for key in guesses]
         own = [k for k in known if k is not None]
-        if len(own) < len(guesses):
+        felt = {p for k in own for p in k.outputs} & set(evidence.outputs)
+        if not felt:
             continue
-        units = [k.nominal if k.key in CALIBRATED else 1.0 for k in own]
-        for values in product(*guesses.values()):
-            tried = {k.name: v * unit for k, v, unit in zip(own, values, units, strict=True)}
-            found = evaluate(evidence, nominal, best.setting | tried, (output,))
-            if found.cost < best.costs[output]:
+        tries = [
+            [v * (k.nominal if k.key in (*CALIBRATED, BEGIN_KEY) else 1.0) for v in guesses[k.key]]
+            for k in own
+        ]
+        for values in product(*tries):
+            tried = {k.name: v for k, v in zip(own, values, strict=True)}
+            found = evaluate(evidence, nominal, best.setting | tried, felt)
+            if found.cost < sum(best.costs[p] for p in felt):
                 best = ParameterFit(
                     found.setting, best.rolls | found.rolls, best.costs | found.costs
                 )
