@@ -15,7 +15,7 @@ from calibration.gap.agreement import sentences, sizes_by_log
 from calibration.gap.decision_rule import RIVAL_MARGIN
 from calibration.gap.findings import Findings, Gap, Leftover, Named, ProofRow, Step
 from calibration.gap.locate.locate import locate
-from calibration.gap.model.clock import even_ticks
+from calibration.gap.model.clock import dated_to_s, even_ticks
 from calibration.gap.model.data import Evidence, gather, usable
 from calibration.gap.model.fit import evaluate
 from calibration.gap.model.intervals import deviations
@@ -85,7 +85,7 @@ def investigate(
     if until not in STAGES:
         raise ValueError(f"stage '{until}'; known: {', '.join(STAGES)}")
     report = progress or (lambda stage, done, total: None)
-    tolerances = {**rig.tolerances, **(tolerances or {})}
+    tolerances = {**_tolerances(logs, rig), **rig.tolerances, **(tolerances or {})}
     runs = usable_runs(logs, rig)
 
     def begun(runs: Sequence[Signals]) -> tuple[State, tuple[str, ...]]:
@@ -116,6 +116,13 @@ def investigate(
         found = replace(found, by_log=by_log, notes=told)
     report("add and prove", 1, 1)
     return Investigation(found, decision)
+
+
+def _tolerances(logs: Sequence[Log], rig: Rig) -> dict[str, float]:
+    """Tolerances (effect -> half width of its first key) that the logs widen: of a frame that is
+    dated by its row nobody can say whether it is that late."""
+    row_s = max(map(dated_to_s, logs), default=0.0)
+    return {"camera_delay": rig.catalogue["camera_delay"].tolerance + row_s} if row_s else {}
 
 
 def _begun(

@@ -1,6 +1,9 @@
-"""The ticks of a log whose stamps jitter about the clock of its servos."""
+"""The ticks of a log whose stamps jitter about the clock of its servos, and the rows that date
+frames."""
 
 import numpy as np
+
+from rig.log import Log
 
 MOST_JITTER = 0.25  # of a tick: beyond, ticks are not even, and are left as they are; chosen
 SAME_CLOCK = 0.002  # by which two clocks may differ that were meant to be one; chosen
@@ -26,3 +29,13 @@ def even_ticks(t_s: np.ndarray, period_s: float) -> np.ndarray:
     even = whole * period_s * number
     even += np.rint(np.mean(t_s - even) / period_s) * period_s
     return even if np.abs(even - t_s).max() < MOST_JITTER * slope_s else t_s
+
+
+def dated_to_s(log: Log) -> float:
+    """To how much the frames of a log are dated [s]: to a row, within which they came at some
+    moment, where it does not tell when each was exposed; 0 where it does, or holds none."""
+    exposed_s, _ = log.ball(0.0)
+    told_s = log["ball_exposed_s"]
+    if not len(exposed_s) or np.isin(exposed_s, told_s).all():
+        return 0.0
+    return float(np.median(np.diff(log["t_s"])))
