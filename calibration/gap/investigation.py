@@ -85,11 +85,12 @@ def investigate(
     if until not in STAGES:
         raise ValueError(f"stage '{until}'; known: {', '.join(STAGES)}")
     report = progress or (lambda stage, done, total: None)
-    tolerances = {**_tolerances(logs, rig), **rig.tolerances, **(tolerances or {})}
+    tolerances = {**rig.tolerances, **(tolerances or {})}
+    row_s = max(map(dated_to_s, logs), default=0.0)
     runs = usable_runs(logs, rig)
 
     def begun(runs: Sequence[Signals]) -> tuple[State, tuple[str, ...]]:
-        return _begun(gather(runs, levels_of(rig), threads=threads), rig, tolerances)
+        return _begun(gather(runs, levels_of(rig), threads=threads), rig, tolerances, row_s)
 
     report("baseline", 0, 1)
     still, slow = begun(runs)
@@ -118,19 +119,12 @@ def investigate(
     return Investigation(found, decision)
 
 
-def _tolerances(logs: Sequence[Log], rig: Rig) -> dict[str, float]:
-    """Tolerances (effect -> half width of its first key) that the logs widen: of a frame that is
-    dated by its row nobody can say whether it is that late."""
-    row_s = max(map(dated_to_s, logs), default=0.0)
-    return {"camera_delay": rig.catalogue["camera_delay"].tolerance + row_s} if row_s else {}
-
-
 def _begun(
-    evidence: Evidence, rig: Rig, tolerances: Mapping[str, float]
+    evidence: Evidence, rig: Rig, tolerances: Mapping[str, float], row_s: float
 ) -> tuple[State, tuple[str, ...]]:
     """The nominal model on the evidence, nothing fitted, and the servos that only creep, which
     weigh nothing in it."""
-    nominal = choose_friction_model(evidence, rig, tolerances)
+    nominal = choose_friction_model(evidence, rig, tolerances, row_s)
     slow = creeping_servos(evidence, nominal)
     evidence = replace(evidence, masks={p: m * (p not in slow) for p, m in evidence.masks.items()})
     fit = evaluate(evidence, nominal, {}, evidence.outputs)

@@ -29,7 +29,7 @@ _SCALARS = (
     "arm_stick plate_stick stop_rad radius mass factor "
     "base_radius plate_radius arm_length rod_length height level_arm "
     "wall_restitution encoder_step tachometer_scale tachometer_noise tachometer "
-    "camera_delay camera_noise camera_dropout camera_height"
+    "camera_delay camera_noise camera_dropout camera_height frame_wait_s"
 ).split()
 PLANT = np.dtype(
     [(name, np.float64, (2,)) for name in _PER_AXIS]

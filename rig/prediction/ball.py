@@ -216,7 +216,7 @@ def predict_ball(p, levels, t, theta, exposed, ball, fresh, longest_gap_s, out, 
     """
     s, plate, sines = np.zeros(5), np.zeros(4), np.zeros(2)
     noise, c, g = np.zeros(2), np.zeros(6), np.zeros(3)
-    extra = p.camera_delay_extra_s[0]
+    extra = p.camera_delay_extra_s[0] + p.frame_wait_s
     scale, yaw = p.camera_scale_fraction[0], p.camera_yaw_angle_rad[0]
     k1, high = p.lens_distortion_k1_1_m2[0], p.camera_height
     r = levels.ball_measured**2

@@ -18,7 +18,7 @@ from calibration.gap.decision_rule import (
     MIN_EFFECT_SIZE,
     MIN_TOLERANCE_RATIO,
 )
-from calibration.gap.model.nuisances import nuisances
+from calibration.gap.model.nuisances import WAIT_KEY, nuisances
 from calibration.gap.model.nuisances import write as write_nuisances
 from calibration.gap.model.record import (
     COAST_KEY,
@@ -53,7 +53,7 @@ STEPS = {
     "stiffness_1_s2": 0.02, "deceleration_m_s2": 0.001, "extra_s": 0.001, "angle_rad": 0.003,
     "k1_1_m2": 0.1, "height_m": 0.002, "lag_s": 0.002, "limit_rad_s": 0.05,
     "half_width_rad": 0.001, "fall_1": 1.0, "motor_lag_s": 0.001, "as_dead_time_1": 0.2,
-    "felt_weight_1": 0.1, "period_begin_s": 0.001,
+    "felt_weight_1": 0.1, "period_begin_s": 0.001, "frame_wait_s": 0.001,
 }  # fmt: skip
 OWN_STEPS = {
     "transmission_ripple.sine": 0.001,
@@ -159,8 +159,8 @@ class NominalModel:
     through the joint's stiffness k [N m/rad] F also widens the backlash that the plate feels by 2
     F/k. `coasts`: whether arm and plate, where F does not load the motors, coast through the gap of
     the gears with nothing that brakes them, or stay where the teeth leave them. `tolerances`:
-    effect -> half width of its first key, in place of the catalogue's. It cannot be pickled (see
-    `Model`).
+    effect -> half width of its first key, in place of the catalogue's. `row_s`: to how much frames
+    are dated [s] (`clock.dated_to_s`). It cannot be pickled (see `Model`).
     """
 
     def __init__(
@@ -170,8 +170,10 @@ class NominalModel:
         load_friction: bool,
         coasts: bool = True,
         tolerances: Mapping[str, float] | None = None,
+        row_s: float = 0.0,
     ) -> None:
-        self.rig, self.load_friction, self.given_tolerances = rig, load_friction, tolerances
+        self.rig, self.load_friction, self.row_s = rig, load_friction, row_s
+        self.given_tolerances = tolerances
         self._record = pack(rig)
         drive = rig.drive
         self._wound = drive.joint_friction_nm / drive.joint_stiffness_nm_rad
@@ -182,6 +184,7 @@ class NominalModel:
             self._record["joint_friction"] *= float(rig.servo.takes_angle)
         self._places = places(self._record.dtype)
         self._record["period_begin_s"] = 0.5 * self._record["period_s"]
+        self._record["frame_wait_s"] = 0.5 * row_s
         self.coasts = bool(np.any(self._record["gear_coast"]))
         self.plate_may_fall = not (self._record["joint_friction"] or rig.servo.takes_angle)
         self.effects = effects_in(rig)
@@ -213,8 +216,9 @@ class NominalModel:
                     "", key, axis, nominal, inf, nominal / 12, nominal * 12, 0.02 * nominal
                 )
         both = self.rig.linkage.kind == THREE_ARMS
-        shown = {"in_ball": servo.takes_angle and not servo.has_angle, "in_both": both}
-        for key, axis, nominal, tolerance, ends in nuisances(self.rig):
+        for key, axis, nominal, tolerance, ends in nuisances(self.rig, self.row_s):
+            seen = key == WAIT_KEY or not servo.has_angle
+            shown = {"in_ball": seen, "in_both": both}
             yield Parameter("", key, axis, nominal, tolerance, *ends, STEPS[key], **shown)
         for effect in self.effects:
             for axis in effect.axes:

@@ -15,6 +15,7 @@ is repeated with shafts that do not wind up, and where it is named there, too, i
 
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
+from functools import partial
 
 from calibration.gap.decision_rule import (
     CREEP_QUANTILE,
@@ -43,11 +44,14 @@ FILES_FRICTION = (
 
 
 def choose_friction_model(
-    evidence: Evidence, rig: Rig, tolerances: Mapping[str, float] | None
+    evidence: Evidence,
+    rig: Rig,
+    tolerances: Mapping[str, float] | None,
+    row_s: float = 0.0,
 ) -> NominalModel:
-    """The nominal model of the rig that the logs prefer before anything is named. `tolerances`: as
-    in `NominalModel`."""
-    known = friction_models(rig, tolerances)
+    """The nominal model of the rig that the logs prefer before anything is named. `tolerances`,
+    `row_s`: as in `NominalModel`."""
+    known = friction_models(rig, tolerances, row_s)
     outputs = _servos(evidence)
     if len(known) == 1 or not outputs:
         return known[-1]
@@ -55,19 +59,22 @@ def choose_friction_model(
     return min(known, key=lambda nominal: _cost_with_coulomb(servos, nominal))
 
 
-def friction_models(rig: Rig, tolerances: Mapping[str, float] | None = None) -> list[NominalModel]:
+def friction_models(
+    rig: Rig, tolerances: Mapping[str, float] | None = None, row_s: float = 0.0
+) -> list[NominalModel]:
     """The nominal models of a rig that compete, the last of them that of held arms without load; it
     is alone where a controller holds the servo's angle: no motor feels a load, no arm coasts.
     """
-    held = NominalModel(rig, load_friction=False, coasts=False, tolerances=tolerances)
+    model = partial(NominalModel, rig, tolerances=tolerances, row_s=row_s)
+    held = model(load_friction=False, coasts=False)
     if rig.servo.takes_angle:
         return [held]
     joint, arm = rig.drive.joint_friction_nm, rig.drive.arm_friction_nm
     models = [held]
     if joint == 0.0:
-        models.insert(0, NominalModel(rig, load_friction=False, tolerances=tolerances))
+        models.insert(0, model(load_friction=False))
     if joint + arm > 0.0:
-        models.insert(0, NominalModel(rig, load_friction=True, tolerances=tolerances))
+        models.insert(0, model(load_friction=True))
     return models
 
 
@@ -107,7 +114,7 @@ def unloaded_model(state: State, screened: Iterable[Screened]) -> NominalModel |
 
 def competing(nominal: NominalModel) -> list[NominalModel]:
     """The nominal models that compete with one, its own among them."""
-    return friction_models(nominal.rig, nominal.given_tolerances)
+    return friction_models(nominal.rig, nominal.given_tolerances, nominal.row_s)
 
 
 def _cost_with_same(state: State, other: NominalModel, outputs: tuple[str, ...]) -> float:
@@ -155,7 +162,8 @@ def _rigid(nominal: NominalModel) -> NominalModel:
     drive = nominal.rig.drive
     rigid = replace(drive, arm_friction_nm=held_nm(drive), joint_friction_nm=0.0)
     rig = replace(nominal.rig, drive=rigid)
-    return NominalModel(rig, load_friction=True, tolerances=nominal.given_tolerances)
+    given = {"tolerances": nominal.given_tolerances, "row_s": nominal.row_s}
+    return NominalModel(rig, load_friction=True, **given)
 
 
 def creeping_servos(evidence: Evidence, nominal: NominalModel) -> tuple[str, ...]:
