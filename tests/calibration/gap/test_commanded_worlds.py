@@ -153,6 +153,36 @@ def test_servos_that_read_their_angle_back_and_lack_nothing(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("name", ["healthy_waiting_rc_servos", "healthy_waiting_bus_servos"])
+def test_a_command_that_waits_for_the_servos_period_is_no_dead_time(name: str, tmp_path):
+    assert said_of(name, 3966, tmp_path).verdict == "nothing-missing"
+
+
+@pytest.mark.slow
+def test_a_dead_time_beside_such_a_wait_is_told_as_uncertain_as_the_wait_is(tmp_path):
+    found = said_of("dead_waiting_bus_servo", 3966, tmp_path)
+    assert [(one.name, set(one.parameters)) for one in found.effects] == [
+        ("servo_dead_time", {"x"})
+    ]
+    size = found.effects[0].parameters["x"]["delay_s"]
+    assert size.low < 0.03 < size.high
+    assert 0.005 < size.high - size.low < 0.02  # the period is 10 ms
+
+
+@pytest.mark.slow
+def test_frames_that_wait_for_their_row_are_no_late_camera(tmp_path):
+    columns, file, _ = WORLDS["healthy_bus_servos"](3966)
+    t_s, rng = columns["t_s"], np.random.default_rng(1)
+    waits_s = rng.uniform(0.0, t_s[1] - t_s[0], len(t_s))
+    for name in ("ball_x_m", "ball_y_m"):
+        columns[name] = np.interp(t_s - waits_s, t_s, columns[name])
+    (tmp_path / "rig.toml").write_text(file, "utf-8")
+    log, table = Log.from_columns(columns), read_rig(tmp_path / "rig.toml")
+    found = investigate([log], table, until="name", quick=True).findings
+    assert found.verdict == "nothing-missing"
+
+
+@pytest.mark.slow
 def test_three_arms_that_read_their_angles_back_and_lack_nothing(tmp_path):
     assert said_of("healthy_bus_arms", 4100, tmp_path).verdict == "nothing-missing"
 

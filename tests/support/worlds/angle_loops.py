@@ -23,10 +23,11 @@ EACH = 4  # steps of the ball for one of the arms: 1 ms
 
 
 @njit(cache=True)
-def heard(told, when_s, row, rows_hz, period_s):
-    """The command (2,) that was valid at `when_s`, or at the last pulse before it."""
+def heard(told, when_s, row, rows_hz, period_s, begin_s):
+    """The command (2,) that was valid at `when_s`, or at the last pulse before it; one comes at
+    `begin_s`."""
     if period_s > 0.0:
-        when_s = math.floor(when_s / period_s + 1e-9) * period_s
+        when_s = begin_s + math.floor((when_s - begin_s) / period_s + 1e-9) * period_s
     at = int(math.floor(when_s * rows_hz + 1e-9))
     return told[min(max(at, 0), row)]
 
@@ -91,7 +92,8 @@ def run_commanded(b, mass_kg, s, f, level, loop, targets, push, noise):
             if k % EACH == 0:
                 span = h * min(EACH, inner - k)
                 for i in range(servos):
-                    command = heard(told, now - s.dead_time_s[i], row, loop.rows_hz, s.period_s)
+                    when_s, clock = now - s.dead_time_s[i], (s.period_s, s.begin_s[i])
+                    command = heard(told, when_s, row, loop.rows_hz, *clock)
                     if command[0] != last[i, 0] or command[1] != last[i, 1]:
                         goals[i] = aim(i, command, s, f, unknown, level)
                         last[i] = command

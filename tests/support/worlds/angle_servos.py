@@ -33,6 +33,7 @@ class Servos(NamedTuple):
         np.ndarray
     )  # a cable that is taut beyond TAUT_RAD draws it back by this share of the way
     sway_rad: np.ndarray  # and it swings about its command at SWAY_HZ
+    begin_s: np.ndarray  # when it listens first; then once a period
     play_rad: np.ndarray  # full width, behind the servo
     swing_hz: np.ndarray  # at which an elastic plate swings behind its rods; 0: it is rigid
     quantum_rad: float  # of commands, and of readings

@@ -5,13 +5,7 @@ of them may lack. Random steps for a PD; a frame a row, 33 to 100 rows a second.
 import numpy as np
 
 from tests.support.worlds.angle_loops import run_commanded
-from tests.support.worlds.angle_servos import (
-    Frame,
-    Servos,
-    fallen_axes,
-    level_arm_rad,
-    solve,
-)
+from tests.support.worlds.angle_servos import Frame, Servos, fallen_axes, level_arm_rad, solve
 from tests.support.worlds.logs import (
     DEG,
     SOLID,
@@ -37,11 +31,12 @@ LEGS |= {"quantum_rad": 0.0018, "period_s": 0.02}
 TABLES = {
     "rc": (RC, RODS, 0.28, 50.0, 0.02),
     "bus": (BUS, RODS, 0.28, 100.0, 0.015),
+    "pulsed bus": (BUS | {"period_s": 0.01}, RODS, 0.28, 100.0, 0.015),
     "slow": (RC | {"period_s": 0.0}, RODS, 0.28, 100.0 / 3.0, 0.03),
     "legs": (LEGS, ARMS, 0.24, 50.0, 0.02),
     "bus legs": (BUS, ARMS, 0.24, 100.0, 0.015),
 }
-READ_BACK = ("bus", "bus legs")
+READ_BACK = ("bus", "pulsed bus", "bus legs")
 
 
 def _servos(rng: np.random.Generator, file: dict, n: int, changes: dict, swing_hz: float) -> Servos:
@@ -54,11 +49,8 @@ def _servos(rng: np.random.Generator, file: dict, n: int, changes: dict, swing_h
         "band_rad": file["dead_band_rad"] + rng.uniform(0.0, 0.05 * DEG, n),
         "scale": rng.uniform(-0.005, 0.005, n),
         "zero_rad": rng.uniform(-0.05 * DEG, 0.05 * DEG, n),
-        "motor_s": np.zeros(n),
-        "pull_rad": np.zeros(n),
-        "cable_1": np.zeros(n),
-        "sway_rad": np.zeros(n),
     }
+    true |= {k: np.zeros(n) for k in ("motor_s", "pull_rad", "cable_1", "sway_rad", "begin_s")}
     play_rad = rng.uniform(0.0, 0.04 * DEG, 2)
     for key, change in changes.items():
         more = np.asarray(change, float)
@@ -193,6 +185,25 @@ def far_pd_servo(seed: int) -> World:
     size = {"x": {"fraction": 0.07}, "y": {"fraction": -0.05}}
     servo = {"motor_s": 0.01, "scale": (0.07, -0.05)}
     return _world({"angle_scale": size}, "bus", seed, servo=servo)
+
+
+WAITS = {"begin_s": (0.013, 0.006)}
+
+
+def healthy_waiting_rc_servos(seed: int) -> World:
+    """RC servos whose pulses come 13 and 6 ms after the rows; small faults alone."""
+    return _world({}, "rc", seed, servo=WAITS)
+
+
+def healthy_waiting_bus_servos(seed: int) -> World:
+    """Bus servos that are told theirs 3 and 6 ms after the rows, once a row; likewise."""
+    return _world({}, "pulsed bus", seed, servo=WAITS)
+
+
+def dead_waiting_bus_servo(seed: int) -> World:
+    """The same, and 30 ms more dead time in x."""
+    found, late = {"servo_dead_time": {"x": {"delay_s": 0.03}}}, {"dead_time_s": (0.03, 0.0)}
+    return _world(found, "pulsed bus", seed, servo=WAITS | late)
 
 
 def late_servo(seed: int) -> World:
@@ -355,6 +366,9 @@ WORLDS = (
     healthy_slow_rows,
     healthy_three_arms,
     healthy_bus_servos,
+    healthy_waiting_rc_servos,
+    healthy_waiting_bus_servos,
+    dead_waiting_bus_servo,
     healthy_slow_motors,
     healthy_pd_servos,
     late_pd_servo,

@@ -1,9 +1,10 @@
-"""Stamps that jitter about the clock of the servos are that clock's."""
+"""Stamps that jitter about the servos' clock are that clock's; rows date the frames in them."""
 
 import numpy as np
 import pytest
 
-from calibration.gap.model.clock import even_ticks
+from calibration.gap.model.clock import dated_to_s, even_ticks
+from rig.log import Log
 
 EVEN_s = 0.3 + 0.02 * np.arange(900)
 
@@ -26,3 +27,14 @@ def test_another_clock_and_uneven_ticks_are_left_alone():
     np.testing.assert_array_equal(even_ticks(still, 0.02), still)
     for n in range(3):
         np.testing.assert_array_equal(even_ticks(EVEN_s[:n], 0.02), EVEN_s[:n])
+
+
+def test_frames_are_dated_to_a_row_unless_each_tells_when_it_was_exposed():
+    t_s = 0.02 * np.arange(50)
+    ball = {"ball_x_m": np.sin(t_s), "ball_y_m": np.cos(t_s)}
+    exposed = {"ball_exposed_s": t_s - 0.013}
+    assert dated_to_s(Log.from_columns({"t_s": t_s, **ball})) == pytest.approx(0.02)
+    assert dated_to_s(Log.from_columns({"t_s": t_s, **ball, **exposed})) == 0.0
+    exposed["ball_exposed_s"][7] = np.nan
+    assert dated_to_s(Log.from_columns({"t_s": t_s, **ball, **exposed})) == pytest.approx(0.02)
+    assert dated_to_s(Log.from_columns({"t_s": t_s})) == 0.0
