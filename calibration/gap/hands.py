@@ -96,6 +96,12 @@ def agreed(rest: Decision, whole: Decision) -> tuple[Decision, tuple[str, ...]]:
     return replace(rest, accepted=accepted, verdict=verdict), reasons
 
 
+UNJUDGED = (
+    "beside the pushes nothing else can be judged: write in a column push when the ball was touched, "
+    "or leave them out with --from"
+)
+
+
 def note(term: UnnamedTerm) -> str:
     """What was left out, in words."""
     return f"the ball was pushed {when(term.windows_s)}, as by a hand: left out"

@@ -107,6 +107,8 @@ def investigate(
         if hands.counts(of_rest, decision):
             decision, doubts = hands.agreed(of_rest, decision)
             refuted = (hands.note(touches), *more, *doubts)
+        else:
+            refuted = (*refuted, hands.UNJUDGED)
     notes += refuted
     report("name", len(NamingStep), len(NamingStep))
     report("add and prove", 0, 1)

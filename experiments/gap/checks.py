@@ -25,6 +25,7 @@ ABSURD_GAIN_RATIO = 15.0  # of a gain to its nominal: beyond, it is a wrong unit
 MAX_EXPOSURE_LAG_S = 2.0  # an exposure is at most so long before its row
 TIMES = ("t_s", "ball_exposed_s")  # may count from 1970
 OTHER_RATE = 1.25  # chosen: of frames to the rig file's: no slip of a clock, another camera
+MISSING = 4.0  # times the usual step between two frames: beyond, some are missing; chosen
 MIN_LEVELS = 12  # different encoder readings from which their step is found
 DECIMAL = 1e-6  # chosen: of the decade, so far is the step of written decimals from a power of ten
 
@@ -168,7 +169,9 @@ def _frames(log: Log, rig: Rig) -> list[str]:
     exposed_s = log.ball()[0]
     if len(exposed_s) < MIN_OBSERVATIONS:
         return []
-    period_s, camera_Hz = float(np.median(np.diff(exposed_s))), rig.camera.rate_hz
+    steps_s, camera_Hz = np.diff(exposed_s), rig.camera.rate_hz
+    # The mean: rows that date the frames of a slower camera round each step to whole rows.
+    period_s = float(np.mean(steps_s[steps_s < MISSING * np.median(steps_s)]))
     if period_s <= 0.0 or 1 / OTHER_RATE < period_s * camera_Hz < OTHER_RATE:
         return []
     return [
