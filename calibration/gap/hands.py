@@ -97,8 +97,8 @@ def agreed(rest: Decision, whole: Decision) -> tuple[Decision, tuple[str, ...]]:
 
 
 UNJUDGED = (
-    "beside the pushes nothing else can be judged: write in a column push when the ball was touched, "
-    "or leave them out with --from"
+    "beside the pushes nothing else can be judged: write in a column push when the ball was "
+    "touched, or leave them out with --from"
 )
 
 

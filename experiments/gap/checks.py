@@ -171,7 +171,7 @@ def _frames(log: Log, rig: Rig) -> list[str]:
         return []
     steps_s, camera_Hz = np.diff(exposed_s), rig.camera.rate_hz
     # The mean: rows that date the frames of a slower camera round each step to whole rows.
-    period_s = float(np.mean(steps_s[steps_s < MISSING * np.median(steps_s)]))
+    period_s = float(np.mean(steps_s[steps_s <= MISSING * np.median(steps_s)]))
     if period_s <= 0.0 or 1 / OTHER_RATE < period_s * camera_Hz < OTHER_RATE:
         return []
     return [
