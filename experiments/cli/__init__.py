@@ -27,6 +27,9 @@ def main() -> None:
         atexit.register(signal.signal, number, signal.SIG_IGN)
     # Arrow's own pool reserves 1 GB of addresses, which a limit (ulimit -v) may not leave.
     os.environ.setdefault("ARROW_DEFAULT_MEMORY_POOL", "system")
+    # A process that is started would execute what lies in the working folder, which may be somebody
+    # else's, under a name of Python's own, such as pickle.py.
+    os.environ.setdefault("PYTHONSAFEPATH", "1")
     try:
         from experiments.cli.application import main as run
 

@@ -1,6 +1,7 @@
 """Work in processes: an interruption leaves them without a word of theirs."""
 
 import json
+import os
 import subprocess
 import sys
 import time
@@ -67,3 +68,41 @@ def test_a_scheduler_that_vanishes_in_the_midst_is_told_in_one_line(tmp_path: Pa
         for process in (scheduler, worker):
             process.kill()
             process.wait(30.0)
+
+
+STARTED = """
+import multiprocessing
+from experiments import cli
+from experiments.cli import application
+from experiments.workers import results_of
+
+def command():
+    print(sorted(results_of(len, [("a",), ("bb",)], jobs=2)), flush=True)
+    child = multiprocessing.get_context("spawn").Process(target=print, args=("a child",))
+    child.start()
+    child.join()
+
+if __name__ == "__main__":
+    application.main = command
+    cli.main()
+"""
+
+
+def test_what_lies_in_the_working_folder_under_a_name_of_pythons_own_is_not_executed(
+    tmp_path: Path,
+):
+    """A colleague's folder, or one with a lab's own socket.py: the processes imported it."""
+    program, folder = tmp_path / "program.py", tmp_path / "folder"
+    program.write_text(STARTED)
+    folder.mkdir()
+    for name in ("pickle", "socket"):
+        (folder / f"{name}.py").write_text("raise SystemExit('executed')")
+    done = subprocess.run(
+        [sys.executable, str(program)],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+    )
+    assert (done.stdout, done.stderr) == ("[1, 2]\na child\n", "")
