@@ -16,6 +16,10 @@ MOST_WAITING = 256  # chosen: a quarter of 1024 descriptors; asyncio accepts 100
 HEARD_S = 0.1
 # Messages of all pages together; chosen: of eight pages on which somebody drags and looks around.
 HEARD_HZ, AT_ONCE_S = 500.0, 1.0
+# What is no whole message (a ping, the answer to one, a part) is not told to who hears messages: so
+# many a second, and at once; who sends more is gone. Chosen: a browser answers a ping every 20 s.
+ODD_HZ, ODD_AT_ONCE = 1.0, 60
+READ_BYTES = 1 << 14  # at once; chosen: of the shortest frames some 10 ms' work
 WANTED_FILES = 4096  # chosen: four times the usual limit
 
 
@@ -25,7 +29,7 @@ def crowd_limit() -> tuple[type, Any]:
     When more than `MOST_WAITING` have not passed, the oldest is dropped if it has waited longer
     than HEARD_S, else the newest: what an older one asks for may be there and not be read yet.
     HEARD_HZ messages a second are read, as many of each connection that spoke in the last
-    AT_ONCE_S, and at most those of AT_ONCE_S at once; who sends more waits.
+    AT_ONCE_S, and at most those of AT_ONCE_S at once; who sends more waits. ODD_HZ: above.
     """
     from websockets.asyncio.server import ServerConnection
 
@@ -39,8 +43,10 @@ def crowd_limit() -> tuple[type, Any]:
         """A connection that is counted until it has passed or is gone, and heard in measure."""
 
         _heard_to_s = 0.0  # the time up to which its messages use up what it may say
+        _odd_to_s = 0.0  # likewise, of what is no whole message
 
         def connection_made(self, transport: Any) -> None:
+            transport.max_size = READ_BYTES  # asyncio's own name of it, on Linux and macOS
             super().connection_made(transport)
             now_s = time.monotonic()
             waiting[self] = now_s
@@ -49,6 +55,15 @@ def crowd_limit() -> tuple[type, Any]:
                 dropped = oldest if now_s - waiting[oldest] > HEARD_S else self
                 passed(dropped)
                 dropped.transport.abort()
+
+        def process_event(self, event: Any) -> None:
+            if _is_odd(event):
+                now_s = time.monotonic()
+                self._odd_to_s = max(self._odd_to_s, now_s) + 1.0 / ODD_HZ
+                if self._odd_to_s - now_s > ODD_AT_ONCE / ODD_HZ:
+                    self.transport.abort()
+                    return
+            super().process_event(event)
 
         async def recv(self, decode: bool | None = None) -> Any:
             now_s = time.monotonic()
@@ -67,6 +82,14 @@ def crowd_limit() -> tuple[type, Any]:
             super().connection_lost(exc)
 
     return CountedConnection, passed
+
+
+def _is_odd(event: Any) -> bool:
+    """Whether what came is neither the handshake nor a whole message."""
+    from websockets.frames import Frame, Opcode
+
+    whole = (Opcode.TEXT, Opcode.BINARY)
+    return isinstance(event, Frame) and not (event.fin and event.opcode in whole)
 
 
 def allow_files() -> None:

@@ -187,6 +187,8 @@ def open_server(host: str, port: int, token: str) -> "tuple[ViserServer, Gate]":
 
     # A connection without a handshake (a port scan, a closed tab) is no fault here: no traceback.
     logging.getLogger("websockets").setLevel(logging.CRITICAL)
+    # Nor is a page that leaves while it is answered: a line for each answer.
+    logging.getLogger("asyncio").addFilter(lambda one: "socket.send() raised" not in one.msg)
     # viser warns of a message that it does not expect, in the sender's own words, and of one to a
     # page that has just left.
     warnings.filterwarnings("ignore", message=r"\[viser\]|Queued a \w+ on a closed connection")

@@ -1,6 +1,5 @@
 """The real server behind the gate: page and websocket tried from outside."""
 
-import asyncio
 import gzip
 import hmac
 import http.client
@@ -14,24 +13,16 @@ import warnings
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 
 import pytest
 import viser
-from websockets.asyncio.server import ServerConnection
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 from websockets.typing import Origin, Subprotocol
 
-from experiments.dashboard.server import door
 from experiments.dashboard.server.door import (
-    AT_ONCE_S,
-    HEARD_HZ,
     HEARD_S,
     MOST_WAITING,
-    WANTED_FILES,
-    allow_files,
 )
 from experiments.dashboard.server.server import (
     PortBusyError,
@@ -167,82 +158,6 @@ def test_idle_strangers_use_up_nothing_and_keep_nobody_out(served):
     finally:
         for one in idle:
             one.close()
-
-
-def test_a_crowd_drops_nobody_who_may_have_asked_and_was_not_read_yet(monkeypatch):
-    limit: tuple[Any, Any] = door.crowd_limit()
-    kind, passed = limit
-    monkeypatch.setattr(ServerConnection, "connection_made", lambda one, transport: None)
-    monkeypatch.setattr(ServerConnection, "connection_lost", lambda one, error: None)
-    clock, dropped = SimpleNamespace(now=0.0), []
-    monkeypatch.setattr(door, "time", SimpleNamespace(monotonic=lambda: clock.now))
-
-    def came(name: str) -> Any:
-        one = kind.__new__(kind)
-        one.transport = SimpleNamespace(abort=lambda: dropped.append(name))
-        one.connection_made(one.transport)
-        return one
-
-    stop, second = came("stop"), came("second")
-    for k in range(MOST_WAITING - 2):
-        came(f"{k}")
-    assert dropped == []
-    came("newest")
-    assert dropped == ["newest"]
-    passed(stop)
-    came("in its place")
-    clock.now = 1.01 * HEARD_S
-    second.connection_lost(None)
-    came("in that of the second")
-    assert dropped == ["newest"]
-    came("newer")
-    came("newer still")
-    assert dropped == ["newest", "0", "1"]
-
-
-def test_pages_that_flood_are_heard_in_measure_all_together(monkeypatch):
-    limit: tuple[Any, Any] = door.crowd_limit()
-    clock, flooded_s = SimpleNamespace(now=100.0), 10.0
-
-    async def received(one, decode=None):
-        return b""
-
-    async def sleep(seconds: float):
-        clock.now += seconds
-
-    monkeypatch.setattr(ServerConnection, "recv", received)
-    monkeypatch.setattr(door, "time", SimpleNamespace(monotonic=lambda: clock.now))
-    monkeypatch.setattr(door, "asyncio", SimpleNamespace(sleep=sleep))
-    pages = [limit[0].__new__(limit[0]) for _ in range(5)]
-
-    async def flood(talking: int) -> int:
-        """How many messages are read of so many pages that send without end, in turn."""
-        count, until_s = 0, clock.now + flooded_s
-        while clock.now < until_s:
-            for one in pages[:talking]:
-                await one.recv()
-                count += 1
-        return count
-
-    for one in pages:  # all have spoken once, and watch
-        asyncio.run(one.recv())
-    clock.now += 2 * AT_ONCE_S
-    most = HEARD_HZ * (flooded_s + AT_ONCE_S)
-    alone = asyncio.run(flood(1))
-    assert 0.95 * most < alone < 1.05 * most  # who watches takes nothing from it
-    clock.now += 2 * AT_ONCE_S
-    assert asyncio.run(flood(3)) < 1.05 * most
-
-
-def test_the_program_allows_itself_more_files():
-    resource = pytest.importorskip("resource")
-    before = resource.getrlimit(resource.RLIMIT_NOFILE)
-    try:
-        resource.setrlimit(resource.RLIMIT_NOFILE, (256, before[1]))
-        allow_files()
-        assert resource.getrlimit(resource.RLIMIT_NOFILE)[0] == min(WANTED_FILES, before[1])
-    finally:
-        resource.setrlimit(resource.RLIMIT_NOFILE, before)
 
 
 def test_it_listens_where_it_was_told_and_nowhere_else(served):
