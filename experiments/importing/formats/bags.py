@@ -205,7 +205,19 @@ def _plain_cdr(decode: Any, data: bytes) -> Any:
     """A decoded message. BadFileError: it is no plain CDR, whose numbers lie elsewhere."""
     if data[:2] not in PLAIN_CDR:
         raise BadFileError(f"its messages are encoded as 0x{data[:2].hex()}, not as plain CDR")
-    return decode(data)
+    return decode(_Whole(data))
+
+
+class _Whole(bytes):
+    """A message beyond whose end nothing is read. The decoder's bytes that are missing there are
+    none, and of elements of no bytes a short message claims billions.
+    """
+
+    def __getitem__(self, key: Any) -> Any:
+        """Return a byte, or some. ValueError: not all of them are there."""
+        if isinstance(key, slice) and key.stop is not None and key.stop > len(self):
+            raise ValueError("a message ends before its fields do")
+        return super().__getitem__(key)
 
 
 def _stream(name: str, topic: Topic, notes: Sequence[str]) -> Stream:

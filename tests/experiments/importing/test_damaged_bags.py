@@ -124,3 +124,19 @@ def test_a_bag_holds_no_more_records_than_its_size_allows(tmp_path: Path, monkey
     path.write_bytes(data[:8] + builder.end() + data[8:])
     with pytest.raises(BadFileError, match="its chunks hold more records than the file has bytes"):
         read_recording(path)
+
+
+@needs("mcap_ros2")
+def test_a_message_of_elements_without_bytes_claims_no_billions_of_them(tmp_path: Path):
+    """12 bytes took 20 s for every 2 GB, and all memory there was."""
+    path, line = tmp_path / "a.mcap", "=" * 80
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start("ros2")
+        text = f"pkg/B[] b\n{line}\nMSG: pkg/B\nuint8[1] x\n"
+        schema = writer.register_schema("pkg/msg/A", "ros2msg", text.encode())
+        channel = writer.register_channel("/ball", "cdr", schema)
+        writer.add_message(channel, 0, b"\0\1\0\0" + struct.pack("<I", 300_000), 0)
+        writer.finish()
+    with pytest.raises(BadFileError, match="ends before its fields do"):
+        read_recording(path)
