@@ -6,7 +6,9 @@ Columns may be variables of their own, or the fields of one struct that has `t_s
 import struct
 import zlib
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from io import BytesIO
+from math import prod
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +18,8 @@ from experiments.records.mat5_sizes import Matrix
 from experiments.records.unpacking import LEAST_BYTES, MOST_RATIO
 from rig.log import INDEX
 
+DEFLATE, SHUFFLE, FLETCHER32 = 1, 2, 3  # filters, by HDF5's own numbers
+MOST_DEFLATED = 1032  # bytes out to bytes in, of what zlib packs (its own documentation)
 MOST_BYTES = 800_000_000  # of a file's unpacked variables; chosen: a day of ten signals at 100 Hz
 
 
@@ -167,4 +171,28 @@ def _numbers(dataset: Any, name: str) -> np.ndarray:
     held = max(Path(dataset.file.filename).stat().st_size * MOST_RATIO, LEAST_BYTES)
     if dataset.nbytes > held:
         raise ValueError(f"{name} claims {dataset.nbytes} bytes, more than its file can hold")
+    check_chunks(dataset, name)
     return dataset[()]
+
+
+def check_chunks(dataset: Any, name: str) -> None:
+    """Check what the chunks of a dataset of HDF5 become, which are unpacked whole, whatever size
+    they claim. ValueError: one holds more than the dataset, or was packed twice.
+    """
+    if not dataset.chunks:
+        return
+    size = prod(dataset.chunks) * dataset.dtype.itemsize
+    made = dataset.id.get_create_plist()
+    filters = [made.get_filter(i)[0] for i in range(made.get_nfilters())]
+    packed = [one for one in filters if one not in (SHUFFLE, FLETCHER32)]
+    most, chunks = size + LEAST_BYTES, []
+    too_much = len(packed) > 1 or size > max(dataset.nbytes, LEAST_BYTES)
+    if packed == [DEFLATE] and not too_much:
+        dataset.id.chunk_iter(chunks.append)
+    for chunk in (one for one in chunks if one.size * MOST_DEFLATED > most):
+        packed_bytes = dataset.id.read_direct_chunk(chunk.chunk_offset)[1]
+        with suppress(zlib.error):  # damaged, as HDF5 will say, or not packed
+            unpacked = zlib.decompressobj().decompress(packed_bytes, most + 1)
+            too_much = too_much or len(unpacked) > most
+    if too_much:
+        raise ValueError(f"{name} unpacks to more than it holds: save the numbers themselves")

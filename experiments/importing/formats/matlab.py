@@ -18,7 +18,7 @@ from experiments.importing.recording import (
     Stream,
     check_size,
 )
-from experiments.records.mat_files import check_inflated, in_file, members
+from experiments.records.mat_files import check_chunks, check_inflated, in_file, members
 
 MAX_WIDTH = 64  # chosen: a wider matrix is a picture
 # What an item takes of the room, however often a file links to it; chosen: 50 000 of them, some
@@ -107,6 +107,7 @@ def _item(name: str, value: Any, objects: list[str], room: list[int], depth: int
         return None
     room[0] -= value.size
     _check_room(room)
+    check_chunks(value, name)
     if h5py.check_ref_dtype(value.dtype) is h5py.Reference:  # cells and arrays of structs
         parts = [in_file(value.file, name, value.file[ref]) for ref in np.ravel(value[()])]
         return [_item(name, part, objects, room, depth + 1) for part in parts]

@@ -1,5 +1,6 @@
 """HDF5 that no MATLAB wrote: groups, attributes, tables of named fields."""
 
+import zlib
 from pathlib import Path
 
 import h5py
@@ -8,6 +9,7 @@ import pytest
 
 from experiments.importing.formats.choose import read_recording
 from experiments.importing.recording import BadFileError
+from experiments.records.mat_files import read_mat
 
 T = np.arange(50) * 0.02
 PLACE = np.stack([np.sin(T), np.cos(T)], axis=1)
@@ -44,3 +46,41 @@ def test_damaged_files_get_one_line(data: bytes, tmp_path: Path):
     path.write_bytes(data)
     with pytest.raises(BadFileError, match="not readable as an HDF5 file"):
         read_recording(path)
+
+
+def packed_zeros(count: int) -> bytes:
+    packer, block = zlib.compressobj(9), bytes(1 << 20)
+    return b"".join(packer.compress(block) for _ in range(count >> 20)) + packer.flush()
+
+
+@pytest.mark.parametrize(("times", "rows"), [(1, 50), (2, 50), (1, 10_000_000)])
+@pytest.mark.parametrize("end", ["h5", "mat"])
+def test_a_chunk_that_unpacks_to_more_than_it_holds_is_refused(
+    end: str, times: int, rows: int, tmp_path: Path
+):
+    """4 kB, packed three times over, became 3 GB; HDF5 unpacks a chunk whatever size it claims."""
+    path = tmp_path / f"a.{end}"
+    with h5py.File(path, "w", userblock_size=512) as file:
+        made = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+        made.set_chunk((rows,))
+        for _ in range(times):
+            made.set_deflate(9)
+        space = h5py.h5s.create_simple((50,), (h5py.h5s.UNLIMITED,))
+        x = h5py.h5d.create(file.id, b"t_s", h5py.h5t.IEEE_F64LE, space, made)
+        chunk = packed_zeros(1 << 27)
+        x.write_direct_chunk((0,), zlib.compress(chunk, 9) if times == 2 else chunk)
+    head = b"MATLAB 7.3 MAT-file".ljust(124) + b"\0\2IM"
+    path.write_bytes(head + path.read_bytes()[len(head) :])
+    with pytest.raises(BadFileError, match="t_s unpacks to more than it holds"):
+        read_recording(path)
+    with pytest.raises(ValueError, match="t_s unpacks to more than it holds"):
+        read_mat(path)
+
+
+@pytest.mark.parametrize("packed", [{"compression": "gzip"}, {"compression": "lzf"}, {}])
+def test_packed_columns_are_read(packed: dict, tmp_path: Path):
+    path = tmp_path / "a.h5"
+    with h5py.File(path, "w") as file:
+        for name in ("t", "x"):
+            file.create_dataset(name, data=T, shuffle=True, fletcher32=True, **packed)
+    assert len(read_recording(path).stream) == 50
