@@ -97,7 +97,7 @@ class RemoteTable(LevelOnExit):
     def _greet(self, token: bytes) -> wire.Welcome:
         """Prove to know the token, see that the other end knows it, learn what the table is."""
         hello = self._await(wire.HELLO)
-        version, theirs = hello[0], hello[1:]
+        version, theirs = int.from_bytes(hello[:1]), hello[1:]
         if version != wire.VERSION or len(theirs) != wire.NONCE_BYTES:
             raise LinkLost(
                 f"{self._name}: speaks version {version}, this program {wire.VERSION}: update both"

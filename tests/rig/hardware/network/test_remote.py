@@ -494,19 +494,20 @@ def test_a_frozen_encoder_is_noticed_there_and_told_here(monkeypatch):
         table.close()
 
 
-def test_nobody_there_other_versions_other_encoders_are_named():
+@pytest.mark.parametrize(("hello", "version"), [(b"\x09" + bytes(32), 9), (b"", 0)])
+def test_nobody_there_other_versions_other_encoders_are_named(hello: bytes, version: int):
     with socket.create_server(("127.0.0.1", 0)) as door:
         port = door.getsockname()[1]
 
         def answer() -> None:
             peer, _ = door.accept()
-            peer.sendall(b"\x22\x00" + bytes([wire.HELLO, 9]) + bytes(32))
+            peer.sendall(bytes([1 + len(hello), 0, wire.HELLO]) + hello)
             peer.recv(10)
             peer.close()
 
         thread = threading.Thread(target=answer)
         thread.start()
-        with pytest.raises(LinkLost, match="speaks version 9"):
+        with pytest.raises(LinkLost, match=f"speaks version {version}"):
             RemoteTable("127.0.0.1", port, TOKEN, Wiring())
         thread.join()
     with pytest.raises(LinkLost, match="is rig serve running there"):
