@@ -151,7 +151,8 @@ def even(t_s: np.ndarray) -> np.ndarray:
 def coarse(t_s: np.ndarray) -> bool:
     """Whether stamps t_s (n,) of one session repeat, and lie on an even clock but for rounding."""
     steps = np.diff(t_s)
-    if len(steps) < 20 or np.mean(steps == 0) < REPEATED or np.any(steps < 0):
+    held = np.mean(steps == 0) if len(steps) >= 20 else 0.0
+    if held < REPEATED or held == 1.0 or np.any(steps < 0):  # 1: they stand still
         return False
     fit = np.polyfit(np.arange(len(t_s)), t_s, 1)
     away = np.abs(t_s - np.polyval(fit, np.arange(len(t_s))))

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.importing.clock import growing_on, read_clock
+from experiments.importing.clock import coarse, growing_on, read_clock
 from experiments.importing.conversion import convert
 from experiments.importing.formats.choose import read_recording
 from experiments.importing.formats.text_tables.clock_text import clock_seconds
@@ -107,6 +107,12 @@ def test_rows_that_were_all_written_twice_are_no_coarse_clock():
         columns[f"ball_{axis}_mm"] = 1e3 * one.ball_m[rows, at]
     log = convert(Stream(columns), propose(Stream(columns)).map())[0]
     np.testing.assert_allclose(log["t_s"], one.t_s, atol=1e-9)
+
+
+def test_a_clock_that_stands_still_is_no_coarse_one():
+    """An error of NumPy's about arrays of no size was all that was told."""
+    assert not coarse(np.zeros(50))
+    assert coarse(np.repeat(np.arange(20.0), 5))
 
 
 def test_a_signed_counter_goes_on_at_its_lowest():
