@@ -35,6 +35,10 @@ LONGEST_MESSAGE = 1 << 18
 # Records in the chunks of a file of any size, of a larger one as many as it has bytes; chosen: a
 # small message takes some bytes even where its neighbours are like it.
 LEAST_RECORDS = 100_000
+# Bytes of what is no number in the messages of a file: of any file, and for each byte of its own.
+# Chosen: of the shortest elements 15 s of work; a laser's scans become ten times smaller.
+LEAST_LISTED, LISTED_A_BYTE = 1 << 23, 16
+BYTES_A_NUMBER = 64  # of a message, at most; chosen: with its part of the stamps and names
 RECORD_HEAD = struct.Struct("<BQ")  # kind, and length of what follows
 MAGIC = b"\x89MCAP0\r\n"  # a file that was not cut off ends with it, too
 PLAIN_CDR = (b"\0\0", b"\0\1")  # a message's first two bytes: high byte first, low byte first
@@ -96,7 +100,8 @@ def _read(path: Path, topics: Topics) -> list[str]:
             raise BadFileError(f"{path.name} is no MCAP file")
         file.seek(0)
         try:
-            _decode(_messages(file, lost), topics, foreign)
+            most = max(LEAST_LISTED, LISTED_A_BYTE * path.stat().st_size)
+            _decode(_messages(file, lost), topics, foreign, most)
         except McapError:
             if not cut:
                 raise
@@ -165,12 +170,15 @@ def _count(data: bytes, most: int) -> int:
     return count
 
 
-def _decode(messages: Iterable[Any], topics: Topics, foreign: dict[str, str]) -> None:
+def _decode(
+    messages: Iterable[Any], topics: Topics, foreign: dict[str, str], most_listed: int
+) -> None:
     """Append decoded messages to `topics`, and to `foreign` what the messages of a topic are that
-    nothing decodes. BadFileError: there are too many numbers.
+    nothing decodes. BadFileError: there are too many numbers, or more than `most_listed` bytes of
+    lists and texts.
     """
     decoders: dict[int, Any] = {}
-    cells = 0
+    cells = listed = 0
     for schema, channel, message in messages:
         if channel.id not in decoders:
             decoders[channel.id] = _decoder(channel, schema)
@@ -184,6 +192,12 @@ def _decode(messages: Iterable[Any], topics: Topics, foreign: dict[str, str]) ->
         cells += len(row)
         if cells > MAX_CELLS:
             check_size(cells, 1)
+        listed += max(0, len(message.data) - BYTES_A_NUMBER * len(row))
+        if listed > most_listed:
+            raise BadFileError(
+                f"its messages hold more than {most_listed} bytes of lists and texts, of which "
+                f"{channel.topic} has some: keep the topics with the table's signals"
+            )
         topic = topics.setdefault(channel.topic, Topic())
         topic.log_time_ns.append(message.log_time)
         topic.append(row)

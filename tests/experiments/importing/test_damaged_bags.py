@@ -140,3 +140,24 @@ def test_a_message_of_elements_without_bytes_claims_no_billions_of_them(tmp_path
         writer.finish()
     with pytest.raises(BadFileError, match="ends before its fields do"):
         read_recording(path)
+
+
+@needs("mcap_ros2")
+def test_long_lists_that_packed_small_are_not_unpacked_for_minutes(tmp_path: Path, monkeypatch):
+    """16 kB of them took more than three minutes, and gave no number."""
+    path, line = tmp_path / "a.mcap", "=" * 80
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start("ros2")
+        text = f"pkg/B[] b\n{line}\nMSG: pkg/B\nuint8[1] x\n"
+        schema = writer.register_schema("pkg/msg/A", "ros2msg", text.encode())
+        channel = writer.register_channel("/scan", "cdr", schema)
+        for i in range(60):
+            data = b"\0\1\0\0" + struct.pack("<I", 9_000) + bytes(9_000)
+            writer.add_message(channel, i, data, 0)
+        writer.finish()
+    with pytest.raises(BadFileError, match="no MCAP file of"):
+        read_recording(path)
+    monkeypatch.setattr(bags, "LEAST_LISTED", 100_000)
+    with pytest.raises(BadFileError, match="of lists and texts, of which /scan has some"):
+        read_recording(path)
