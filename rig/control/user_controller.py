@@ -8,8 +8,9 @@ A protocol names it, `controller = "mine.py:MyController"`; an error in it stops
         def end(self, outcome): ...             # once, when the table is level, however it ended
 
 Each method is bounded in time and memory, and what it prints goes to standard error
-(`foreign_call`). A thread of its own ends with the program: join it in `end`. The loop's process
-has no garbage collector: cycles of objects that `control` makes stay in memory until the run ends.
+(`foreign_call`). A thread of its own ends with the program: join it in `end`. A Python program that
+it starts finds no modules beside its own file (PYTHONSAFEPATH). The loop's process has no garbage
+collector: cycles of objects that `control` makes stay in memory until the run ends.
 
 It replaces what `controllers.control` does and nothing else: holding, the blind phase, observers,
 limits and recording stay the rig's. It runs in the loop alone, never in the batch kernel. What it
