@@ -24,7 +24,7 @@ from calibration.gap.name.decide import Decision, verdict_of
 from calibration.gap.name.load_friction import choose_friction_model, creeping_servos
 from calibration.gap.name.naming_steps import NamingStep
 from calibration.gap.name.stepwise import Accepted, Rival, settled_baseline
-from calibration.gap.prove import floors, model_of, prove, rms, steps
+from calibration.gap.prove import floors, gap_of_one, model_of, prove, rms, steps
 from calibration.gap.report import findings_of_decision, wording
 from calibration.gap.unnamed import basis
 from calibration.gap.unnamed.wording import describe, formula
@@ -235,10 +235,7 @@ def _proof(
     and the gaps along the path of additions."""
     state, levels = decision.state, decision.state.evidence.levels
     if decision.verdict == "nothing-missing":
-        left = rms(state.evidence, model_of(state))
-        floor, label = floors(state.nominal.rig, left)
-        gaps = {channel: left[channel] / floor[channel] for channel in left}
-        return Gap(gaps, gaps, label, False, floor), (), ()
+        return gap_of_one(state), (), ()
     before = replace(decision.naming.before, evidence=state.evidence)
     models = {"nothing added": before}
     last = "nothing added"

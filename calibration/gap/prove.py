@@ -161,6 +161,23 @@ def prove(models: Mapping[str, State], after: str, levels: np.record) -> Proof:
     return Proof(Gap(before.gap, last.gap, source, True, floor, mm, deg), tuple(rows))
 
 
+def gap_of_one(state: State) -> Gap:
+    """The gap of the only model there is, on all data: that to the floors of repeated runs, else
+    none, and its errors 1 s ahead."""
+    evidence, model = state.evidence, model_of(state)
+    left = rms(evidence, model)
+    floor, source = floors(state.nominal.rig, left)
+    gaps = {channel: left[channel] / floor[channel] for channel in left}
+    ball_mm, servos_deg = _in_units(_rms(_ahead_squares(evidence, model)))
+    mm = {} if ball_mm is None else _only(ball_mm)
+    deg = {output: _only(size_deg) for output, size_deg in servos_deg.items()}
+    return Gap(gaps, gaps, source, False, floor, mm, deg)
+
+
+def _only(size: float) -> dict[str, float]:
+    return {"before": size, "after": size, "floor": size}
+
+
 def _judged(
     halves: Sequence[Evidence], models: Sequence[Model]
 ) -> tuple[dict[str, float], dict[str, float]]:

@@ -25,7 +25,8 @@ ABSURD_GAIN_RATIO = 15.0  # of a gain to its nominal: beyond, it is a wrong unit
 MAX_EXPOSURE_LAG_S = 2.0  # an exposure is at most so long before its row
 TIMES = ("t_s", "ball_exposed_s")  # may count from 1970
 OTHER_RATE = 1.25  # chosen: of frames to the rig file's: no slip of a clock, another camera
-MISSING = 4.0  # times the usual step between two frames: beyond, some are missing; chosen
+HOLE_S, MISSING = 0.25, 4.0  # between two frames, or times the usual step: some are missing; chosen
+MOST_EARLY = 0.1  # share of frames; chosen: above what a slow program lets wait now and then
 MIN_LEVELS = 12  # different encoder readings from which their step is found
 DECIMAL = 1e-6  # chosen: of the decade, so far is the step of written decimals from a power of ten
 
@@ -165,14 +166,24 @@ def _holes(log: Log) -> list[str]:
 
 
 def _frames(log: Log, rig: Rig) -> list[str]:
-    """A note on frames that come at another rate than the rig file's camera has."""
+    """A note on frames that come in bursts, or at another rate than the rig file's camera has."""
     exposed_s = log.ball()[0]
     if len(exposed_s) < MIN_OBSERVATIONS:
         return []
     steps_s, camera_Hz = np.diff(exposed_s), rig.camera.rate_hz
     # The mean: rows that date the frames of a slower camera round each step to whole rows.
-    period_s = float(np.mean(steps_s[steps_s <= MISSING * np.median(steps_s)]))
-    if period_s <= 0.0 or 1 / OTHER_RATE < period_s * camera_Hz < OTHER_RATE:
+    usual = steps_s <= max(HOLE_S, MISSING * float(np.median(steps_s)))
+    period_s = float(np.mean(steps_s[usual]))
+    if period_s <= 0.0:
+        return []
+    early = float(np.mean(steps_s < 0.5 * period_s))
+    if early > MOST_EARLY:
+        return [
+            f"{100 * early:.0f} % of the frames come less than half a frame after the one before, "
+            "as over a link that sends several at once: their times are not those of exposure, and "
+            "places are off by speed times what they are late, which no verdict knows of"
+        ]
+    if 1 / OTHER_RATE < period_s * camera_Hz < OTHER_RATE:
         return []
     return [
         f"the ball is seen {1 / period_s:.3g} times a second, the rig file says camera.rate_hz = "

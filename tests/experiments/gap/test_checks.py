@@ -262,3 +262,29 @@ def test_exposures_that_all_have_one_time_are_no_frame_rate():
     columns = {name: values[columns["t_s"] >= middle_s] for name, values in columns.items()}
     columns = {name: values[: round(1.9 / 0.002)] for name, values in columns.items()}
     assert not [note for note in check(log_of(columns), RIG) if "the ball is seen" in note]
+
+
+@pytest.mark.parametrize(("batch", "is_told"), [(1, False), (2, True), (3, True)])
+def test_frames_that_a_link_sends_several_at_once_are_told(batch: int, is_told: bool):
+    columns = table_log()
+    seen = np.flatnonzero(~np.isnan(columns["ball_x_m"]))
+    taken_s = columns["t_s"][seen] - 0.03
+    columns["ball_exposed_s"] = np.full(len(columns["t_s"]), np.nan)
+    last = np.minimum(np.arange(len(seen)) // batch * batch + batch - 1, len(seen) - 1)
+    within = np.arange(len(seen)) % batch
+    columns["ball_exposed_s"][seen] = taken_s[last] - 0.001 * (batch - 1 - within)
+    notes = check(log_of(columns), RIG)
+    assert bool([n for n in notes if "come less than half a frame" in n]) == is_told
+    assert not [n for n in notes if "the ball is seen" in n]
+
+
+def test_rows_that_date_the_frames_of_a_slower_camera_do_not_change_its_rate():
+    columns, rate_Hz = table_log(), 0.75 * RIG.control_rate_hz
+    t_s = np.arange(0.0, 20.0, 1.0 / RIG.control_rate_hz)
+    columns = {n: np.resize(v, len(t_s)) for n, v in columns.items() if n != "ball_exposed_s"}
+    columns["t_s"] = t_s
+    fresh = np.diff(np.floor(t_s * rate_Hz), prepend=-1.0) > 0
+    for name in ("ball_x_m", "ball_y_m"):
+        columns[name] = np.where(fresh, 0.01 * np.sin(t_s + len(name)), np.nan)
+    rig = replace(RIG, camera=replace(RIG.camera, rate_hz=rate_Hz))
+    assert not [n for n in check(log_of(columns), rig) if "the ball is seen" in n]
