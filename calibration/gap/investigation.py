@@ -219,7 +219,25 @@ def _findings(decision: Decision, until: str, notes: tuple[str, ...], *, quick: 
     left = known.unknown
     if left is not None and decision.unnamed is not None and _holds(gap, left.channel):
         left = replace(left, formula=formula(decision.unnamed))
-    return replace(known, gap=gap, proof=rows, steps=path, unknown=left)
+    farther = _farther(gap) if decision.unnamed is not None else ()
+    return replace(
+        known, gap=gap, proof=rows, steps=path, unknown=left, notes=farther + known.notes
+    )
+
+
+def _farther(gap: Gap) -> tuple[str, ...]:
+    """The note on what errs more 1 s ahead with the unnamed term in the model; empty where nothing
+    does."""
+    errors = {"the ball": gap.ahead_1s_mm} | {
+        output.replace("_", " "): sizes for output, sizes in gap.ahead_1s_deg.items()
+    }
+    worse = [who for who, sizes in errors.items() if sizes and sizes["after"] > sizes["before"]]
+    if not worse:
+        return ()
+    return (
+        f"what has no name is told by a shape that fits, not by a law: 1 s ahead on data not used, "
+        f"{' and '.join(worse)} errs more with it",
+    )
 
 
 def _holds(gap: Gap, channel: str) -> bool:

@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from calibration.gap.investigation import Investigation, investigate
+from calibration.gap.investigation import Investigation, _farther, investigate
 from calibration.gap.model.parameters import BALL, NominalModel
 from calibration.gap.prove import model_of, on, prove, rms, split
 from rig.parameters import CHANNELS, GRAVITY_M_S2, Rig
@@ -218,3 +218,11 @@ def test_rms_leaves_out_what_the_masks_leave_out():
     assert part["servo_x"] == whole["servo_x"]
     both = np.sqrt((part["ball_x"] ** 2 + rest["ball_x"] ** 2) / 2)
     assert both == pytest.approx(whole["ball_x"], rel=0.01)
+
+
+def test_a_shape_without_a_name_that_predicts_worse_is_told_as_no_law():
+    gap = investigation().findings.gap
+    assert not _farther(gap)
+    worse = replace(gap, ahead_1s_mm={"before": 1.0, "after": 1.2, "floor": 0.9})
+    (note,) = _farther(worse)
+    assert note.endswith("1 s ahead on data not used, the ball errs more with it")
