@@ -85,12 +85,11 @@ def investigate(
     if until not in STAGES:
         raise ValueError(f"stage '{until}'; known: {', '.join(STAGES)}")
     report = progress or (lambda stage, done, total: None)
-    tolerances = {**rig.tolerances, **(tolerances or {})}
-    row_s = max(map(dated_to_s, logs), default=0.0)
+    known = {**rig.tolerances, **(tolerances or {})}, max(map(dated_to_s, logs), default=0.0)
     runs = usable_runs(logs, rig)
 
     def begun(runs: Sequence[Signals]) -> tuple[State, tuple[str, ...]]:
-        return _begun(gather(runs, levels_of(rig), threads=threads), rig, tolerances, row_s)
+        return _begun(gather(runs, levels_of(rig), threads=threads), rig, *known)
 
     report("baseline", 0, 1)
     still, slow = begun(runs)
