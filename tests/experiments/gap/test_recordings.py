@@ -57,7 +57,8 @@ def test_a_table_with_position_servos_is_late_and_nothing_that_cannot_be_is_cert
     assert certain(found) <= POSSIBLE
     if "level_offset" in sizes:
         assert {a for a, keys in sizes["level_offset"].items() if keys} == {"y"}
-        assert 0.005 < sizes["level_offset"]["y"]["slope_rad"].value < 0.009
+        level = sizes["level_offset"]["y"]["slope_rad"]  # not certain, it may be as its interval
+        assert 0.005 < (level.value if "level_offset" in certain(found) else level.high) < 0.009
     ahead = found.gap.ahead_1s_mm
     assert ahead["after"] < 0.75 * ahead["before"]
 
