@@ -213,7 +213,7 @@ class App:
             compared,
             self._replayed,
             "play" in self.calibrate.accepted,
-            self.gap.answer is not None and bool(self.gap.answer.short.truth),  # the demo's
+            self.gap.answer is not None and self.gap.answer.short.of_demo,
         )
 
     def _stop(self, who: str) -> None:

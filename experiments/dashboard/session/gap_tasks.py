@@ -33,6 +33,11 @@ class ShortAnswer:
     truth: str = ""
     took_s: float = nan
 
+    @property
+    def of_demo(self) -> bool:
+        """Whether it is of the demo's runs: something was hidden in them."""
+        return bool(self.truth)
+
 
 @dataclass(frozen=True, eq=False)
 class Clue:

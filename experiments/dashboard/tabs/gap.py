@@ -321,9 +321,8 @@ class GapTab:
             self._advice.content = plain(advice(protocols) if protocols else NONE_TICKED)
         if self._does and self._elapsed.changed():
             self._bar.value += CREEP * max(self._until - self._bar.value, 0.0)
-            before = self.answer.short if self.answer is not None else None
-            alike = before is not None and bool(before.truth) == self._demo
-            before_s = before.took_s if before is not None and alike else nan
+            last = self.answer.short if self.answer is not None else None
+            before_s = last.took_s if last is not None and last.of_demo == self._demo else nan
             time = time_words(self._elapsed.seconds, before_s)
             does = waits_for(self._worker, "gap") or self._does
             self._words.content = f"*{does}* ({time})\n\n{self._of}"

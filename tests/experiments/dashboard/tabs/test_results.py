@@ -8,6 +8,7 @@ import numpy as np
 from experiments.dashboard.app import App
 from experiments.dashboard.server.controls import Controls
 from experiments.dashboard.server.server import open_server
+from experiments.dashboard.session.gap_tasks import ShortAnswer
 from experiments.dashboard.session.live import LiveBuffer
 from experiments.dashboard.session.tasks import DrawnFigures, RunSummary, list_runs
 from experiments.dashboard.tabs.results import ResultsTab, card, table
@@ -91,7 +92,7 @@ def test_an_older_pair_of_another_protocol_is_not_what_is_shown(tmp_path: Path):
         tab.compared = True  # by this program, before
         assert next_step(App._steps_done(app)) == 2  # pyright: ignore[reportArgumentType]
         for truth in ("", "hidden: 2 degrees"):  # own runs were analysed; the demo, the fifth step
-            app.gap.answer = SimpleNamespace(short=SimpleNamespace(truth=truth))
+            app.gap.answer = SimpleNamespace(short=ShortAnswer([], [], truth=truth))
             assert App._steps_done(app)[4] == bool(truth)  # pyright: ignore[reportArgumentType]
     finally:
         controls.queue.close()
