@@ -126,18 +126,25 @@ def test_a_bag_holds_no_more_records_than_its_size_allows(tmp_path: Path, monkey
         read_recording(path)
 
 
-@needs("mcap_ros2")
-def test_a_message_of_elements_without_bytes_claims_no_billions_of_them(tmp_path: Path):
-    """12 bytes took 20 s for every 2 GB, and all memory there was."""
-    path, line = tmp_path / "a.mcap", "=" * 80
+def lists(path: Path, topic: str, messages: list[bytes]) -> Path:
+    """A bag of messages that are declared as lists of messages of one byte."""
     with path.open("wb") as file:
         writer = Writer(file)
         writer.start("ros2")
-        text = f"pkg/B[] b\n{line}\nMSG: pkg/B\nuint8[1] x\n"
+        text = f"pkg/B[] b\n{'=' * 80}\nMSG: pkg/B\nuint8[1] x\n"
         schema = writer.register_schema("pkg/msg/A", "ros2msg", text.encode())
-        channel = writer.register_channel("/ball", "cdr", schema)
-        writer.add_message(channel, 0, b"\0\1\0\0" + struct.pack("<I", 300_000), 0)
+        channel = writer.register_channel(topic, "cdr", schema)
+        for i, data in enumerate(messages):
+            writer.add_message(channel, i, data, 0)
         writer.finish()
+    return path
+
+
+@needs("mcap_ros2")
+def test_a_message_of_elements_without_bytes_claims_no_billions_of_them(tmp_path: Path):
+    """12 bytes took 20 s for every 2 GB, and all memory there was."""
+    data = b"\0\1\0\0" + struct.pack("<I", 300_000)
+    path = lists(tmp_path / "a.mcap", "/ball", [data])
     with pytest.raises(BadFileError, match="ends before its fields do"):
         read_recording(path)
 
@@ -145,17 +152,8 @@ def test_a_message_of_elements_without_bytes_claims_no_billions_of_them(tmp_path
 @needs("mcap_ros2")
 def test_long_lists_that_packed_small_are_not_unpacked_for_minutes(tmp_path: Path, monkeypatch):
     """16 kB of them took more than three minutes, and gave no number."""
-    path, line = tmp_path / "a.mcap", "=" * 80
-    with path.open("wb") as file:
-        writer = Writer(file)
-        writer.start("ros2")
-        text = f"pkg/B[] b\n{line}\nMSG: pkg/B\nuint8[1] x\n"
-        schema = writer.register_schema("pkg/msg/A", "ros2msg", text.encode())
-        channel = writer.register_channel("/scan", "cdr", schema)
-        for i in range(60):
-            data = b"\0\1\0\0" + struct.pack("<I", 9_000) + bytes(9_000)
-            writer.add_message(channel, i, data, 0)
-        writer.finish()
+    data = b"\0\1\0\0" + struct.pack("<I", 9_000) + bytes(9_000)
+    path = lists(tmp_path / "a.mcap", "/scan", [data] * 60)
     with pytest.raises(BadFileError, match="no MCAP file of"):
         read_recording(path)
     monkeypatch.setattr(bags, "LEAST_LISTED", 100_000)
