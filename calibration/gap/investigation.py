@@ -85,11 +85,12 @@ def investigate(
     if until not in STAGES:
         raise ValueError(f"stage '{until}'; known: {', '.join(STAGES)}")
     report = progress or (lambda stage, done, total: None)
-    known = {**rig.tolerances, **(tolerances or {})}, max(map(dated_to_s, logs), default=0.0)
+    tolerances = {**rig.tolerances, **(tolerances or {})}
+    row_s = max(map(dated_to_s, logs), default=0.0)
     runs = usable_runs(logs, rig)
 
     def begun(runs: Sequence[Signals]) -> tuple[State, tuple[str, ...]]:
-        return _begun(gather(runs, levels_of(rig), threads=threads), rig, *known)
+        return _begun(gather(runs, levels_of(rig), threads=threads), rig, tolerances, row_s)
 
     report("baseline", 0, 1)
     still, slow = begun(runs)
@@ -99,15 +100,9 @@ def investigate(
     lacking = findings_of_decision.enough_motion(still)
     if lacking:
         return Investigation(_too_little_motion(still, lacking, notes))
-    decision, refuted = _decided(still, report)
-    touches = hands.touches(decision)
-    if touches and (rest := hands.let_go(runs, touches)):
-        of_rest, more = _decided(begun(rest)[0], report)
-        if hands.counts(of_rest, decision):
-            decision, doubts = hands.agreed(of_rest, decision)
-            refuted = (hands.note(touches), *more, *doubts)
-        else:
-            refuted = (*refuted, hands.UNJUDGED)
+    decision, refuted = _without_hands(
+        *_decided(still, report), runs, lambda rest: _decided(begun(rest)[0], report)
+    )
     notes += refuted
     report("name", len(NamingStep), len(NamingStep))
     report("add and prove", 0, 1)
@@ -138,6 +133,25 @@ def _decided(still: State, report: Progress) -> tuple[Decision, tuple[str, ...]]
     report("baseline", 1, 1)
     steps = len(NamingStep)
     return decide_by_proof(before, lambda k, what: report(f"name: {what}", k, steps))
+
+
+def _without_hands(
+    decision: Decision,
+    refuted: tuple[str, ...],
+    runs: Sequence[Signals],
+    decided: Callable[[Sequence[Signals]], tuple[Decision, tuple[str, ...]]],
+) -> tuple[Decision, tuple[str, ...]]:
+    """The decision on what no hand disturbed, where it counts (`hands`), and the reasons in words.
+    `decision`, `refuted`: of all; `decided`: makes both of runs."""
+    touches = hands.touches(decision)
+    rest = hands.let_go(runs, touches) if touches is not None else []
+    if touches is None or not rest:
+        return decision, refuted
+    of_rest, more = decided(rest)
+    if hands.counts(of_rest, decision):
+        agreed, doubts = hands.agreed(of_rest, decision)
+        return agreed, (hands.note(touches), *more, *doubts)
+    return decision, refuted if decision.accepted else (*refuted, hands.UNJUDGED)
 
 
 def usable_runs(logs: Sequence[Log], rig: Rig) -> list[Signals]:

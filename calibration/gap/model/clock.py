@@ -33,9 +33,10 @@ def even_ticks(t_s: np.ndarray, period_s: float) -> np.ndarray:
 
 def dated_to_s(log: Log) -> float:
     """To how much the frames of a log are dated [s]: to a row, within which they came at some
-    moment, where it does not tell when each was exposed; 0 where it does, or holds none."""
+    moment, where it does not tell when each was exposed; 0 where it does, or holds fewer than
+    two."""
     exposed_s, _ = log.ball(0.0)
     told_s = log["ball_exposed_s"]
-    if not len(exposed_s) or np.isin(exposed_s, told_s).all():
+    if len(exposed_s) < 2 or np.isin(exposed_s, told_s).all():
         return 0.0
     return float(np.median(np.diff(log["t_s"])))

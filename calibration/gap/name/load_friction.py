@@ -162,8 +162,8 @@ def _rigid(nominal: NominalModel) -> NominalModel:
     drive = nominal.rig.drive
     rigid = replace(drive, arm_friction_nm=held_nm(drive), joint_friction_nm=0.0)
     rig = replace(nominal.rig, drive=rigid)
-    given = {"tolerances": nominal.given_tolerances, "row_s": nominal.row_s}
-    return NominalModel(rig, load_friction=True, **given)
+    tolerances, row_s = nominal.given_tolerances, nominal.row_s
+    return NominalModel(rig, load_friction=True, tolerances=tolerances, row_s=row_s)
 
 
 def creeping_servos(evidence: Evidence, nominal: NominalModel) -> tuple[str, ...]:
