@@ -169,13 +169,9 @@ def gap_of_one(state: State) -> Gap:
     floor, source = floors(state.nominal.rig, left)
     gaps = {channel: left[channel] / floor[channel] for channel in left}
     ball_mm, servos_deg = _in_units(_rms(_ahead_squares(evidence, model)))
-    mm = {} if ball_mm is None else _only(ball_mm)
-    deg = {output: _only(size_deg) for output, size_deg in servos_deg.items()}
+    mm = {} if ball_mm is None else {"before": ball_mm}
+    deg = {output: {"before": size_deg} for output, size_deg in servos_deg.items()}
     return Gap(gaps, gaps, source, False, floor, mm, deg)
-
-
-def _only(size: float) -> dict[str, float]:
-    return {"before": size, "after": size, "floor": size}
 
 
 def _judged(
