@@ -185,3 +185,8 @@ def test_the_truth_is_that_of_one_table_or_none(tmp_path):
     assert true_values([one, same]) == {GEAR: 0.01}
     assert true_values([one, other]) is None
     assert true_values([one, tmp_path / "measured"]) is None
+
+
+def test_where_nothing_is_missing_no_extended_model_is_told_of():
+    found = Findings("nothing-missing", "Nothing is missing.", gap=Gap(ahead_1s_mm={"before": 1.3}))
+    assert not [line for line in details(found, logs=1) if "extended model" in line]
