@@ -173,8 +173,8 @@ class Gap:
 
     `floor`: where the floor comes from; `floors`: its values by channel [rad or m]; `held_out`:
     whether the gaps are on data that were not fitted. `ahead_1s_mm`, `ahead_1s_deg`: RMS error 1 s
-    ahead of the ball, and by servo channel, each under the keys "before", "after" and "floor", where
-    nothing is missing under "before" alone.
+    ahead of the ball, and by servo channel, each under the keys "before", "after" and "floor";
+    where nothing is missing, under "before" alone.
     """
 
     before: dict[str, float] = field(default_factory=dict)
