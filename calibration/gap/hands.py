@@ -7,6 +7,11 @@ So what was seen during the pushes is left out, as it is where a recording tells
 rest is asked anew. Its answer counts where its model predicts the rest's ball better 1 s ahead than
 that of the whole, for certain; if not, the answer to the whole stands. A single push, and a ball
 that is seen on one axis alone, are asked about as they are: there are no pushes to leave out.
+
+The rest was chosen by the misfit of a model, and may hold what a hand did before and after the
+pushes that were seen. A name that the whole did not tell is certain only if it holds where hands
+were farthest: on the half of the rest's exposures that lie farthest from any push, fitted and
+predicted on them alone, the ball is predicted better 1 s ahead with it than without, for certain.
 """
 
 from collections.abc import Sequence
@@ -15,9 +20,13 @@ from dataclasses import replace
 import numpy as np
 
 from calibration.gap.decision_rule import SURE_Z
+from calibration.gap.harm import keys_of_name
 from calibration.gap.held_out import gained, held_out
+from calibration.gap.model.data import Evidence
 from calibration.gap.model.parameters import BALL
+from calibration.gap.model.state import State, drop_effects
 from calibration.gap.name.decide import Decision, verdict_of
+from calibration.gap.name.stepwise import Accepted
 from calibration.gap.unnamed.along import WINDOWS_S
 from calibration.gap.unnamed.term import UnnamedTerm
 from calibration.gap.unnamed.wording import when
@@ -80,26 +89,54 @@ def counts(rest: Decision, whole: Decision) -> bool:
     return d > SURE_Z * se
 
 
-def agreed(rest: Decision, whole: Decision) -> tuple[Decision, tuple[str, ...]]:
-    """The decision on the rest in which a name is certain only where the selection on the whole
-    found it as well, hand or not; and the reasons in words. The rest was chosen by the misfit of a
-    model, and still holds what a hand did before and after.
-    """
+def agreed(rest: Decision, whole: Decision, term: UnnamedTerm) -> tuple[Decision, tuple[str, ...]]:
+    """The decision on the rest in which a name that the selection on the whole did not find is
+    certain only by the module's proof far from the pushes; and the reasons in words."""
     known = {one.name for one in whole.naming.accepted}
-    accepted = tuple(one if one.name in known else one.doubted() for one in rest.accepted)
+    doubtful = [
+        one
+        for one in rest.accepted
+        if one.name not in known and not _holds_far_away(rest.state, one, term)
+    ]
+    accepted = tuple(one.doubted() if one in doubtful else one for one in rest.accepted)
     reasons = tuple(
-        f"not certain: {one.name}: only the part without the hand tells it"
-        for one in accepted
-        if one.name not in known
+        f"not certain: {one.name}: the whole does not tell it, nor the half farthest from the hand"
+        for one in doubtful
     )
     verdict = verdict_of(accepted, rest.unnamed) if accepted else rest.verdict
     return replace(rest, accepted=accepted, verdict=verdict), reasons
+
+
+def _holds_far_away(state: State, one: Accepted, term: UnnamedTerm) -> bool:
+    """Whether a name predicts the ball better by the module's proof far from the pushes."""
+    far = replace(state, evidence=far_away(state.evidence, term))
+    without = drop_effects(far, keys_of_name(one))
+    before, after = (held_out(model, (BALL,)) for model in (without, far))
+    if BALL not in before:
+        return False
+    d, se = gained(before[BALL], after[BALL])
+    return d > SURE_Z * se
+
+
+def far_away(evidence: Evidence, term: UnnamedTerm) -> Evidence:
+    """The evidence with the weights of the ball on the half of its rows farthest from any push."""
+    (t, run), mask = evidence.times(BALL), evidence.masks[BALL]
+    away = np.full(len(t), np.inf)
+    for (begin, end), of in zip(term.windows_s, term.runs, strict=True):
+        apart = np.maximum(np.maximum(begin - t, t - end), 0.0)
+        away = np.where(run == of, np.minimum(away, apart), away)
+    used = mask > 0
+    kept = away >= np.median(away[used]) if used.any() else used
+    return replace(evidence, masks=evidence.masks | {BALL: mask * kept})
 
 
 UNJUDGED = (
     "beside the pushes nothing else can be judged: write in a column push when the ball was "
     "touched, or leave them out with --from"
 )
+
+
+CLEAN = "without the pushes, nothing is missing in the rest"
 
 
 def note(term: UnnamedTerm) -> str:

@@ -149,9 +149,12 @@ def _without_hands(
         return decision, refuted
     of_rest, more = decided(rest)
     if hands.counts(of_rest, decision):
-        agreed, doubts = hands.agreed(of_rest, decision)
+        agreed, doubts = hands.agreed(of_rest, decision, touches)
         return agreed, (hands.note(touches), *more, *doubts)
-    return decision, refuted if decision.accepted else (*refuted, hands.UNJUDGED)
+    if decision.accepted:
+        return decision, refuted
+    clean = of_rest.verdict == "nothing-missing"
+    return decision, (*refuted, hands.CLEAN if clean else hands.UNJUDGED)
 
 
 def usable_runs(logs: Sequence[Log], rig: Rig) -> list[Signals]:

@@ -34,11 +34,12 @@ FARTHEST = 1e6  # error [m or rad] of a prediction that has run away: its square
 
 def split(evidence: Evidence) -> tuple[Evidence, Evidence]:
     """Split the evidence in two halves by its masks: runs with even and with odd number or, of a
-    single run, the first and the second half of its time."""
+    single run, the first and the second half of the time in which the output has weight."""
     first: dict[str, np.ndarray] = {}
     for output in evidence.outputs:
         t, run = evidence.times(output)
-        chosen = run % 2 == 0 if len(evidence.runs) > 1 else t < 0.5 * (t[0] + t[-1])
+        begin, end = t[evidence.masks[output] > 0][[0, -1]]
+        chosen = run % 2 == 0 if len(evidence.runs) > 1 else t < 0.5 * (begin + end)
         first[output] = chosen.astype(float)
     other = {output: evidence.masks[output] * (1 - chosen) for output, chosen in first.items()}
     mine = {output: evidence.masks[output] * chosen for output, chosen in first.items()}

@@ -75,37 +75,78 @@ def test_a_ball_that_is_pushed_most_of_the_time_is_not_let_go():
     assert hands.let_go([run(), run()], pushes(windows, [1] * 6)) == []
 
 
-def test_a_name_is_certain_where_the_whole_tells_it_too():
+@dataclass(frozen=True)
+class Told:
+    """A decision as far as `agreed` looks at it."""
+
+    accepted: tuple[Accepted, ...]
+    unnamed: None = None
+    verdict: str = "named"
+    naming: Any = None
+    state: Any = None
+
+
+KNOWN, NEW = (Accepted(name, ("x",), 9.0, ()) for name in ("level_offset", "joint_backlash"))
+
+
+def test_a_name_is_certain_where_the_whole_tells_it_or_the_half_farthest_from_the_hand(
+    monkeypatch: pytest.MonkeyPatch,
+):
     """A play of two degrees was certain on a part of a recording of a table that shows none."""
-
-    @dataclass(frozen=True)
-    class Told:
-        accepted: tuple[Accepted, ...]
-        unnamed: None = None
-        verdict: str = "named"
-        naming: Any = None
-
-    known, new = (Accepted(name, ("x",), 9.0, ()) for name in ("level_offset", "joint_backlash"))
-    whole: Any = Told((), naming=SimpleNamespace(accepted=(known,)))
-    both: Any = Told((known, new))
-    found, reasons = hands.agreed(both, whole)
+    whole: Any = Told((), naming=SimpleNamespace(accepted=(KNOWN,)))
+    both: Any = Told((KNOWN, NEW))
+    monkeypatch.setattr(hands, "_holds_far_away", lambda *_: False)
+    found, reasons = hands.agreed(both, whole, pushes([(1.0, 2.0)]))
     assert [one.explained for one in found.accepted] == [1.0, 0.5]
     assert found.verdict == "named"
-    assert reasons == ("not certain: joint_backlash: only the part without the hand tells it",)
-    alone: Any = Told((new,))
-    assert hands.agreed(alone, whole)[0].verdict == "undecided"
+    assert [reason.split(":")[1] for reason in reasons] == [" joint_backlash"]
+    alone: Any = Told((NEW,))
+    assert hands.agreed(alone, whole, pushes([(1.0, 2.0)]))[0].verdict == "undecided"
     none: Any = Told((), verdict="nothing-missing")
-    assert hands.agreed(none, whole) == (none, ())
+    assert hands.agreed(none, whole, pushes([(1.0, 2.0)])) == (none, ())
+    monkeypatch.setattr(hands, "_holds_far_away", lambda *_: True)
+    assert hands.agreed(both, whole, pushes([(1.0, 2.0)])) == (both, ())
+
+
+@dataclass(frozen=True)
+class Seen:
+    """Evidence of a ball alone."""
+
+    t_s: np.ndarray
+    run: np.ndarray
+    masks: dict[str, np.ndarray]
+
+    def times(self, _: str) -> tuple[np.ndarray, np.ndarray]:
+        return self.t_s, self.run
+
+
+def test_the_half_farthest_from_any_push_is_of_what_has_weight():
+    t_s, run = np.tile(np.arange(10.0), 2), np.repeat([0, 1], 10)
+    weights = np.ones(20)
+    weights[:4] = 0.0
+    seen: Any = Seen(t_s, run, {"ball": weights, "servo_x": np.ones(3)})
+    far = hands.far_away(seen, pushes([(4.0, 6.0), (0.0, 1.0)], [0, 1]))
+    np.testing.assert_array_equal(np.flatnonzero(far.masks["ball"]), [8, 9, *range(13, 20)])
+    np.testing.assert_array_equal(far.masks["servo_x"], np.ones(3))
+    untouched = hands.far_away(seen, pushes([(4.0, 6.0)], [0]))
+    np.testing.assert_array_equal(np.flatnonzero(untouched.masks["ball"]), np.arange(10, 20))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("world", "name"), [("touched_bowl", "plate_bowl"), ("touched_crooked", "level_offset")]
+    ("world", "seed", "name"),
+    [
+        ("touched_bowl", 3803, "plate_bowl"),
+        ("touched_crooked", 3803, "level_offset"),
+        ("touched_far_servo", 3968, "angle_scale"),
+    ],
 )
-def test_an_effect_is_found_though_a_hand_pushes_the_ball(world: str, name: str, tmp_path: Path):
+def test_an_effect_is_found_though_a_hand_pushes_the_ball(
+    world: str, seed: int, name: str, tmp_path: Path
+):
     """Beside the pushes nothing could be proved, and they were all that was told. They are told
     where the part without them says no more than the whole, too."""
-    columns, rig, _ = WORLDS[world](3803)
+    columns, rig, _ = WORLDS[world](seed)
     (tmp_path / "rig.toml").write_text(rig, "utf-8")
     found = investigate([Log.from_columns(columns)], read_rig(tmp_path / "rig.toml")).findings
     assert found.verdict == "named", found.sentence

@@ -12,6 +12,7 @@ from tests.support.worlds import (
     positions,
     strangers,
     tables,
+    touched,
 )
 
 WORLDS = {
@@ -24,8 +25,11 @@ WORLDS = {
         tables.falling_joint,
         tables.coasting_gears,
         tables.bowl,
-        tables.touched_bowl,
-        tables.touched_crooked,
+        touched.touched_bowl,
+        touched.touched_crooked,
+        touched.touched_lazy_servo,
+        touched.touched_far_servo,
+        touched.touched_late_servo,
         tables.walls,
         tables.five_runs,
         positions.late_camera_100ms_at_30hz,

@@ -1,6 +1,5 @@
-"""Tables whose servos take an angle: RC servos or bus servos on two rods, three arms, and what each
-of them may lack. Random steps for a PD; a frame a row, 33 to 100 rows a second.
-"""
+"""Tables whose servos take an angle: RC or bus servos on two rods, three arms, and what they lack.
+Random steps for a PD; a frame a row, 33 to 100 rows a second."""
 
 import numpy as np
 
@@ -87,11 +86,12 @@ def log_of(
     plate: dict | None = None,
     scale: float = 0.0,
     late_s: float = 0.0,
-    drift_rad_s: np.ndarray | float = 0.0,
+    pushed: np.ndarray | float = 0.0,
     swing_hz: float = 0.0,
     seconds: float = 60.0,
 ) -> dict[str, np.ndarray]:
-    """Random steps of up to 5 cm, smaller ones where the ball would fall; see the module."""
+    """Random steps of up to 5 cm, smaller ones where the ball would fall; see the module. `pushed`:
+    more acceleration of the ball (rows, 2) [m/s2]."""
     file, frame, side_m, rows_hz, delay_s = TABLES[table]
     servos = _servos(rng, file, 3 if frame.three else 2, servo or {}, swing_hz)
     n = int(seconds * rows_hz)
@@ -115,9 +115,7 @@ def log_of(
         angle_limit_rad=0.2 if frame.three else 0.5,
         **gains,
     )
-    push = coloured(rng, (n, 2), 0.005, 0.05, rows_hz)
-    slope_m_s3 = 9.81 * SOLID / (1.0 + SOLID) * np.broadcast_to(drift_rad_s, 2)
-    push += np.arange(n)[:, None] / rows_hz * slope_m_s3
+    push = coloured(rng, (n, 2), 0.005, 0.05, rows_hz) + pushed
     noise = rng.normal(0.0, 0.0003, (n, 2))
     targets = np.stack([steps(rng, n, rows_hz, 0.05, (1.5, 4.0)) for _ in range(2)], axis=1)
     level = level_arm_rad(frame) if frame.three else 0.0
@@ -135,7 +133,7 @@ def log_of(
     return {name: column for name, column in columns.items() if name not in unread}
 
 
-def _world(found: dict, table: str, seed: int, *accepted: str, **changes) -> World:
+def world_of(found: dict, table: str, seed: int, *accepted: str, **changes) -> World:
     columns = log_of(np.random.default_rng(seed), table, **changes)
     kind = {} if found else {"kind": "healthy"}
     return columns, _rig(table), truth(found, *accepted, **kind)
@@ -143,22 +141,22 @@ def _world(found: dict, table: str, seed: int, *accepted: str, **changes) -> Wor
 
 def healthy_rc_servos(seed: int) -> World:
     """RC servos on 20 ms pulses, two rods, 50 rows a second; small faults alone."""
-    return _world({}, "rc", seed)
+    return world_of({}, "rc", seed)
 
 
 def healthy_slow_rows(seed: int) -> World:
     """The same servos without a clock of their own, told 33 times a second."""
-    return _world({}, "slow", seed)
+    return world_of({}, "slow", seed)
 
 
 def healthy_three_arms(seed: int) -> World:
     """Three arms, 50 rows a second; small faults alone."""
-    return _world({}, "legs", seed)
+    return world_of({}, "legs", seed)
 
 
 def healthy_bus_servos(seed: int) -> World:
     """Servos that read their angle back, 100 rows a second; small faults alone."""
-    return _world({}, "bus", seed)
+    return world_of({}, "bus", seed)
 
 
 def healthy_slow_motors(seed: int) -> World:
@@ -166,25 +164,25 @@ def healthy_slow_motors(seed: int) -> World:
     time to their step: to 1/(T M s^2 + T s + 1) with T of 50 and M of 15 ms that is 38 and 14 ms.
     """
     servo = {"motor_s": 0.015, "lag_s": 0.015, "dead_time_s": -0.015}
-    return _world({}, "bus", seed, servo=servo)
+    return world_of({}, "bus", seed, servo=servo)
 
 
 def healthy_pd_servos(seed: int) -> World:
     """Bus servos whose file tells their lag, damping over stiffness, and not their inertia."""
-    return _world({}, "bus", seed, servo={"motor_s": 0.01})
+    return world_of({}, "bus", seed, servo={"motor_s": 0.01})
 
 
 def late_pd_servo(seed: int) -> World:
     """The same whose lag in x is 20 ms longer than their file's."""
     servo = {"motor_s": 0.01, "lag_s": (0.02, 0.0)}
-    return _world({"servo_lag": {"x": {"lag_s": 0.02}}}, "bus", seed, servo=servo)
+    return world_of({"servo_lag": {"x": {"lag_s": 0.02}}}, "bus", seed, servo=servo)
 
 
 def far_pd_servo(seed: int) -> World:
     """The same that turn 7 % further than told in x, in y 5 % less far."""
     size = {"x": {"fraction": 0.07}, "y": {"fraction": -0.05}}
     servo = {"motor_s": 0.01, "scale": (0.07, -0.05)}
-    return _world({"angle_scale": size}, "bus", seed, servo=servo)
+    return world_of({"angle_scale": size}, "bus", seed, servo=servo)
 
 
 WAITS = {"begin_s": (0.013, 0.006)}
@@ -192,62 +190,62 @@ WAITS = {"begin_s": (0.013, 0.006)}
 
 def healthy_waiting_rc_servos(seed: int) -> World:
     """RC servos whose pulses come 13 and 6 ms after the rows; small faults alone."""
-    return _world({}, "rc", seed, servo=WAITS)
+    return world_of({}, "rc", seed, servo=WAITS)
 
 
 def healthy_waiting_bus_servos(seed: int) -> World:
     """Bus servos that are told theirs 3 and 6 ms after the rows, once a row; likewise."""
-    return _world({}, "pulsed bus", seed, servo=WAITS)
+    return world_of({}, "pulsed bus", seed, servo=WAITS)
 
 
 def dead_waiting_bus_servo(seed: int) -> World:
     """The same, and 30 ms more dead time in x."""
     found, late = {"servo_dead_time": {"x": {"delay_s": 0.03}}}, {"dead_time_s": (0.03, 0.0)}
-    return _world(found, "pulsed bus", seed, servo=WAITS | late)
+    return world_of(found, "pulsed bus", seed, servo=WAITS | late)
 
 
 def late_servo(seed: int) -> World:
     """40 ms more lag in x, 30 ms in y."""
     size = {"x": {"lag_s": 0.04}, "y": {"lag_s": 0.03}}
-    return _world({"servo_lag": size}, "rc", seed, servo={"lag_s": (0.04, 0.03)})
+    return world_of({"servo_lag": size}, "rc", seed, servo={"lag_s": (0.04, 0.03)})
 
 
 def dead_servo(seed: int) -> World:
     """25 ms more dead time on both axes."""
     size = {"x": {"delay_s": 0.025}, "y": {"delay_s": 0.025}}
     found = {"servo_dead_time|camera_delay": size}
-    return _world(found, "slow", seed, servo={"dead_time_s": 0.025})
+    return world_of(found, "slow", seed, servo={"dead_time_s": 0.025})
 
 
 def weak_servo(seed: int) -> World:
     """The servos turn at 0.9 rad/s at most, where the file says 6."""
     size = {"x": {"limit_rad_s": 0.9}, "y": {"limit_rad_s": 0.9}}
-    return _world({"rate_limit": size}, "rc", seed, servo={"rate_rad_s": 0.9})
+    return world_of({"rate_limit": size}, "rc", seed, servo={"rate_rad_s": 0.9})
 
 
 def lazy_servo(seed: int) -> World:
     """0.6 degree more dead band in x."""
     found = {"command_dead_band": {"x": {"half_width_rad": 0.6 * DEG}}}
-    return _world(found, "rc", seed, servo={"band_rad": (0.6 * DEG, 0.0)})
+    return world_of(found, "rc", seed, servo={"band_rad": (0.6 * DEG, 0.0)})
 
 
 def far_servo(seed: int) -> World:
     """The servos turn 7 % further than told, in y 5 % less far."""
     found = {"angle_scale": {"x": {"fraction": 0.07}, "y": {"fraction": -0.05}}}
-    return _world(found, "rc", seed, servo={"scale": (0.07, -0.05)})
+    return world_of(found, "rc", seed, servo={"scale": (0.07, -0.05)})
 
 
 def crooked_servo(seed: int) -> World:
     """The servo of x stands 1.2 degrees beside the angle that it is told."""
     zero = 1.2 * DEG
     found = {"level_offset|angle_zero": {"x": {"slope_rad": zero * RODS.arm_m / RODS.lever_m[0]}}}
-    return _world(found, "rc", seed, servo={"zero_rad": (zero, 0.0)})
+    return world_of(found, "rc", seed, servo={"zero_rad": (zero, 0.0)})
 
 
 def crooked_bus_servo(seed: int) -> World:
     """A servo that reads its angle back stands 0.5 degree beside its command; no tilt is off."""
     found = {"angle_zero": {"x": {"offset_rad": 0.5 * DEG}}}
-    return _world(found, "bus", seed, servo={"zero_rad": (0.5 * DEG, 0.0)})
+    return world_of(found, "bus", seed, servo={"zero_rad": (0.5 * DEG, 0.0)})
 
 
 def late_bus_servo(seed: int) -> World:
@@ -257,7 +255,7 @@ def late_bus_servo(seed: int) -> World:
         "servo_dead_time": {"y": {"delay_s": 0.01}},
     }
     late = {"lag_s": (0.015, 0.0), "dead_time_s": (0.0, 0.01)}
-    return _world(found, "bus", seed, servo=late)
+    return world_of(found, "bus", seed, servo=late)
 
 
 def late_bus_camera(seed: int) -> World:
@@ -294,37 +292,37 @@ def elastic_plate(seed: int) -> World:
 
 def healthy_bus_arms(seed: int) -> World:
     """Three arms whose servos read their angle back, 100 rows a second; small faults alone."""
-    return _world({}, "bus legs", seed)
+    return world_of({}, "bus legs", seed)
 
 
 def late_bus_arms(seed: int) -> World:
     """Three arms that read their angle back: each has 15 ms more lag."""
     size = {"x": {"lag_s": 0.015}, "y": {"lag_s": 0.015}}
-    return _world({"servo_lag": size}, "bus legs", seed, servo={"lag_s": 0.015})
+    return world_of({"servo_lag": size}, "bus legs", seed, servo={"lag_s": 0.015})
 
 
 def late_bus_arm(seed: int) -> World:
     """The one of them that stands on the x axis has 20 ms more lag."""
     found = {"servo_lag": {"x": {"lag_s": 0.02}}}
-    return _world(found, "bus legs", seed, servo={"lag_s": (0.02, 0.0, 0.0)})
+    return world_of(found, "bus legs", seed, servo={"lag_s": (0.02, 0.0, 0.0)})
 
 
 def weak_bus_arms(seed: int) -> World:
     """Each of them turns at 0.4 rad/s at most, where the file says 4.8."""
     size = {"x": {"limit_rad_s": 0.4}, "y": {"limit_rad_s": 0.4}}
-    return _world({"rate_limit": size}, "bus legs", seed, servo={"rate_rad_s": 0.4})
+    return world_of({"rate_limit": size}, "bus legs", seed, servo={"rate_rad_s": 0.4})
 
 
 def lazy_bus_arms(seed: int) -> World:
     """Each of them has 0.6 degree more dead band."""
     size = {"x": {"half_width_rad": 0.6 * DEG}, "y": {"half_width_rad": 0.6 * DEG}}
-    return _world({"command_dead_band": size}, "bus legs", seed, servo={"band_rad": 0.6 * DEG})
+    return world_of({"command_dead_band": size}, "bus legs", seed, servo={"band_rad": 0.6 * DEG})
 
 
 def far_bus_arm(seed: int) -> World:
     """The one on the x axis turns 9 % further than told: two thirds of that in the plate's x."""
     found = {"angle_scale": {"x": {"fraction": 0.06}}}
-    return _world(found, "bus legs", seed, servo={"scale": (0.09, 0.0, 0.0)})
+    return world_of(found, "bus legs", seed, servo={"scale": (0.09, 0.0, 0.0)})
 
 
 def crooked_bus_arm(seed: int) -> World:
@@ -334,31 +332,33 @@ def crooked_bus_arm(seed: int) -> World:
     solve(pose, arms, ARMS)
     x, y = fallen_axes(pose)
     found = {"angle_zero": {"x": {"offset_rad": x}, "y": {"offset_rad": y}}}
-    return _world(found, "bus legs", seed, servo={"zero_rad": (0.0, 1.0 * DEG, 0.0)})
+    return world_of(found, "bus legs", seed, servo={"zero_rad": (0.0, 1.0 * DEG, 0.0)})
 
 
 def crooked_plate(seed: int) -> World:
     """Three arms that stand 0.4 degree off level in y."""
     found = {"level_offset|angle_zero": {"y": {"slope_rad": 0.4 * DEG}}}
-    return _world(found, "legs", seed, plate={"level_rad": np.array([0.0, 0.4 * DEG])})
+    return world_of(found, "legs", seed, plate={"level_rad": np.array([0.0, 0.4 * DEG])})
 
 
 def far_camera(seed: int) -> World:
     """The camera sees distances 5 % too long."""
     size = {"x": {"fraction": 0.05}, "y": {"fraction": 0.05}}
-    return _world({"angle_scale|camera_scale": size}, "slow", seed, scale=0.05)
+    return world_of({"angle_scale|camera_scale": size}, "slow", seed, scale=0.05)
 
 
 def curved_plate(seed: int) -> World:
     """A hill of 0.4 1/s2."""
     found = {"plate_bowl": {"xy": {"stiffness_1_s2": -0.4}}}
-    return _world(found, "rc", seed, plate={"bowl_1_s2": -0.4})
+    return world_of(found, "rc", seed, plate={"bowl_1_s2": -0.4})
 
 
 def sinking_level(seed: int) -> World:
     """The level of y changes by 1.5e-4 rad/s (0.5 degree in a run)."""
     found = {"level_drift": {"y": {"rate_rad_s": 1.5e-4}}}
-    return _world(found, "rc", seed, "level_offset", drift_rad_s=np.array([0.0, 1.5e-4]))
+    grows_m_s3 = 9.81 * SOLID / (1.0 + SOLID) * np.array([0.0, 1.5e-4])
+    grown = np.arange(3000)[:, None] / 50.0 * grows_m_s3
+    return world_of(found, "rc", seed, "level_offset", pushed=grown)
 
 
 WORLDS = (

@@ -21,35 +21,6 @@ def bowl(seed: int) -> World:
     return columns, rig_toml(), truth({"plate_bowl": {"xy": {"stiffness_1_s2": 4.0}}})
 
 
-def _hand(rng: np.random.Generator, seconds: float = 40.0) -> np.ndarray:
-    """Forces of a hand that nobody recorded (rows, 2) [m/s2]: six pushes of 0.2 to 0.6 s at random
-    times, each in its own direction."""
-    push = np.zeros((int(500 * seconds), 2))
-    for begin_s in rng.uniform(1.0, seconds - 2.0, 6):
-        way, size = rng.uniform(0.0, 2.0 * np.pi), rng.uniform(0.3, 0.6)
-        rows = slice(int(500 * begin_s), int(500 * (begin_s + rng.uniform(0.2, 0.6))))
-        push[rows] = size * np.cos(way), size * np.sin(way)
-    return push
-
-
-def touched_bowl(seed: int) -> World:
-    """A plate bowed by 4 1/s2, and a hand that pushes the ball now and then."""
-    rng = np.random.default_rng(seed)
-    gains = {"kp_rad_m": 6.0, "ki_rad_m_s": 2.0}
-    columns = table_log(rng, {}, {"bowl_1_s2": 4.0}, gains, size_m=0.05, push=_hand(rng))
-    return columns, rig_toml(), truth({"plate_bowl": {"xy": {"stiffness_1_s2": 4.0}}})
-
-
-def touched_crooked(seed: int) -> World:
-    """A plate that is 0.6 and -0.4 degrees off level, and a hand that pushes the ball now and
-    then."""
-    rng = np.random.default_rng(seed)
-    slopes = np.array([0.0105, -0.007])
-    columns = table_log(rng, {}, {"level_rad": slopes}, {}, size_m=0.05, push=_hand(rng))
-    size = {a: {"slope_rad": float(slope)} for a, slope in zip("xy", slopes, strict=True)}
-    return columns, rig_toml(), truth({"level_offset": size})
-
-
 def soft_friction(seed: int) -> World:
     """Dry friction 0.19 V tanh(omega / 0.05 rad/s), and 0.08 V more below 0.15 rad/s."""
     rng = np.random.default_rng(seed)
