@@ -5,8 +5,9 @@ model lacks. The first shows as short pushes at several times (`calibration.gap.
 Nothing can be proved beside it: a prediction that a hand spoils is as wrong with a name as without.
 So what was seen during the pushes is left out, as it is where a recording tells of them, and the
 rest is asked anew. Its answer counts where its model predicts the rest's ball better 1 s ahead than
-that of the whole, for certain; if not, the answer to the whole stands. A single push, and a ball
-that is seen on one axis alone, are asked about as they are: there are no pushes to leave out.
+that of the whole, for certain; if not, the answer to the whole stands. So it does where nothing is
+missing in the rest, since an effect may look like pushes. A single push, and a ball that is seen on
+one axis alone, are asked about as they are: there are no pushes to leave out.
 
 The rest was chosen by the misfit of a model, and may hold what a hand did before and after the
 pushes that were seen. A name that the whole did not tell is certain only if it holds where hands

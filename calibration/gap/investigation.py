@@ -148,13 +148,12 @@ def _without_hands(
     if touches is None or not rest:
         return decision, refuted
     of_rest, more = decided(rest)
+    if not decision.accepted and of_rest.verdict == "nothing-missing":
+        return decision, (*refuted, hands.CLEAN)
     if hands.counts(of_rest, decision):
         agreed, doubts = hands.agreed(of_rest, decision, touches)
         return agreed, (hands.note(touches), *more, *doubts)
-    if decision.accepted:
-        return decision, refuted
-    clean = of_rest.verdict == "nothing-missing"
-    return decision, (*refuted, hands.CLEAN if clean else hands.UNJUDGED)
+    return decision, refuted if decision.accepted else (*refuted, hands.UNJUDGED)
 
 
 def usable_runs(logs: Sequence[Log], rig: Rig) -> list[Signals]:
