@@ -252,7 +252,7 @@ def shrinking(steps: Sequence[Step]) -> Figure:
                 axis.text(
                     x,
                     gap,
-                    f" {gap:.3g}" if gap >= 10 else f" {gap:.2f}",
+                    " " + _three_digits(gap),
                     ha="center",
                     va="bottom",
                     rotation=90 if upright else 0,
@@ -262,12 +262,28 @@ def shrinking(steps: Sequence[Step]) -> Figure:
     labels = [_step_label(step.added, len(steps)) for step in steps]
     axis.set_xticks(at, labels, fontsize=SMALL)
     axis.set_xlim(-0.5, len(steps) - 0.5)
-    room = 1.15 if largest > LOG_BEYOND else 1.05
-    axis.set_ylim(top=axis.get_ylim()[1] * room ** (2 if upright else 1))
     axis.set_ylabel("gap [noise floors]")
     axis.grid(axis="x", visible=False)
     axis.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=5, frameon=False)
+    _make_room(axis)
     return figure
+
+
+def _three_digits(gap: float) -> str:
+    """A gap in three digits or more, without a power of ten: 1.25, 12.5, 1250."""
+    return f"{gap:.2f}" if gap < 10 else f"{gap:.1f}" if gap < 100 else f"{gap:.0f}"
+
+
+def _make_room(axis: Axes) -> None:
+    """Raise the upper end of an axis of values until the texts above its bars lie inside."""
+    axis.figure.draw_without_rendering()  # places the axis and measures the texts
+    frame, scale = axis.get_window_extent(), axis.yaxis.get_transform()
+    low, high = scale.transform(axis.get_ylim())
+    for text in axis.texts:
+        value = scale.transform([text.get_position()[1]])[0]
+        share = 1.05 * text.get_window_extent().height / frame.height
+        high = max(high, low + (value - low) / (1.0 - share))
+    axis.set_ylim(top=scale.inverted().transform([high])[0])
 
 
 def _step_label(added: str, steps: int) -> str:

@@ -397,6 +397,19 @@ def test_steps_of_as_many_names_as_there_can_be_do_not_touch(names: list[str]):
         assert all(left < right for (_, left), (right, _) in pairwise(spans))
 
 
+@pytest.mark.parametrize("largest", [1.0, 3.5, 8123.0])
+@pytest.mark.parametrize("steps", [2, 8])
+def test_the_numbers_above_the_bars_lie_in_the_frame(steps: int, largest: float):
+    gaps = np.geomspace(largest, 1.0, steps)
+    names = ["", *(e.name for e in CATALOGUE[: steps - 1])]
+    shown = [Step(n, dict.fromkeys(CHANNELS, g)) for n, g in zip(names, gaps, strict=True)]
+    figure = figures.shrinking(shown)
+    figure.canvas.draw()
+    axis = figure.axes[0]
+    top = max(text.get_window_extent().y1 for text in axis.texts)
+    assert 0.8 * axis.get_window_extent().y1 < top < axis.get_window_extent().y1 + 0.5
+
+
 def test_every_parameter_of_the_catalogue_has_a_unit_and_words():
     for effect in CATALOGUE:
         for p in effect.parameters:
