@@ -171,11 +171,14 @@ def _frames(log: Log, rig: Rig) -> list[str]:
     if len(exposed_s) < MIN_OBSERVATIONS:
         return []
     steps_s, camera_Hz = np.diff(exposed_s), rig.camera.rate_hz
-    # The mean: rows that date the frames of a slower camera round each step to whole rows.
+    # The mean: rows that date the frames of a slower camera round each step to whole rows. The
+    # median: frames are lost. Either may be the file's.
     usual = steps_s <= max(HOLE_S, MISSING * float(np.median(steps_s)))
-    period_s = float(np.mean(steps_s[usual]))
-    if period_s <= 0.0:
+    periods_s = [float(np.mean(steps_s[usual])), float(np.median(steps_s))]
+    periods_s = [period_s for period_s in periods_s if period_s > 0.0]
+    if not periods_s:
         return []
+    period_s = min(periods_s, key=lambda period_s: abs(np.log(period_s * camera_Hz)))
     early = float(np.mean(steps_s < 0.5 * period_s))
     if early > MOST_EARLY:
         return [

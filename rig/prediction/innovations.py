@@ -51,8 +51,8 @@ class Signals:
     the ball is then predicted from their answer, and theta_rad is no more than a guess of it;
     answered: the last of these answers; tilts: the last innovations of a plate on three arms, which
     both axes share; commanded: the servos read their angle back, and `volts_V`
-    holds the angles that they are told [rad] (`read_back`); outliers: exposures that are left out
-    because the ball cannot have been where they tell it.
+    holds the angles that they are told [rad] (`read_back`); repeats, outliers: exposures that are
+    left out because they tell a place again to the last digit, or one where the ball cannot be.
     """
 
     t_s: np.ndarray
@@ -68,6 +68,7 @@ class Signals:
     answered: Answers = field(default_factory=Answers)
     tilts: LastResults = field(default_factory=LastResults)
     commanded: bool = False
+    repeats: int = 0
     outliers: int = 0
 
     def angles(self, p: np.record) -> tuple[np.ndarray, np.ndarray]:

@@ -16,6 +16,7 @@ import numpy as np
 from calibration.gap.model.kept_fits import KeptFits
 from calibration.gap.model.outliers import outliers
 from calibration.gap.model.parameters import BALL, SERVO, Model
+from calibration.gap.model.repeats import repeats
 from calibration.gap.model.side_by_side import Item, Result, side_by_side
 from rig.compiled import compiled
 from rig.log import Log
@@ -82,7 +83,7 @@ def usable(
     commanded: bool = False,
 ) -> Signals:
     """A log's signals as the workflow uses them: at most MAX_RATE_HZ, missing axes 0, exposures of
-    a held or pushed ball, of one at a wall, and outliers left out, of the others one each
+    a held or pushed ball, of one at a wall, repeats and outliers left out, of the others one each
     HORIZON_S.
 
     From frame to frame at 100 Hz a controller that answers the camera's noise is part of what is
@@ -102,6 +103,8 @@ def usable(
     fresh = np.concatenate([[True], touched[:-1] & ~touched[1:]])[: len(touched)]
     kept &= ~touched
     begun = np.cumsum(fresh)
+    again = repeats(ball[kept])
+    kept[kept] = ~again
     wild = outliers(known.exposed_s[kept], ball[kept], noise_m)
     kept[kept] = ~wild
     fresh = np.diff(begun[kept], prepend=0) > 0
@@ -115,6 +118,7 @@ def usable(
         fresh=fresh[few],
         exposed_s=exposed_s[few],
         ball_m=ball[few],
+        repeats=int(again.sum()),
         outliers=int(wild.sum()),
     )
 

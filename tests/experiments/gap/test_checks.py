@@ -278,6 +278,19 @@ def test_frames_that_a_link_sends_several_at_once_are_told(batch: int, is_told: 
     assert not [n for n in notes if "the ball is seen" in n]
 
 
+@pytest.mark.parametrize("exposed", [True, False])
+def test_frames_that_are_lost_are_no_other_rate_and_no_bursts(exposed: bool):
+    columns = table_log()
+    seen = np.flatnonzero(~np.isnan(columns["ball_x_m"]))
+    if exposed:
+        columns["ball_exposed_s"] = np.full(len(columns["t_s"]), np.nan)
+        columns["ball_exposed_s"][seen] = columns["t_s"][seen] - 0.03
+    lost = seen[np.random.default_rng(3).random(len(seen)) < 0.3]
+    for name in {"ball_x_m", "ball_y_m", "ball_exposed_s"} & set(columns):
+        columns[name][lost] = np.nan
+    assert check(log_of(columns), RIG) == []
+
+
 def test_rows_that_date_the_frames_of_a_slower_camera_do_not_change_its_rate():
     columns, rate_Hz = table_log(), 0.75 * RIG.control_rate_hz
     t_s = np.arange(0.0, 20.0, 1.0 / RIG.control_rate_hz)

@@ -51,6 +51,23 @@ def test_a_prediction_that_failed_anywhere_costs_more_than_any_other(
     assert not bad.change(good).any()
 
 
+def test_what_a_tracker_tells_that_lost_the_ball_is_left_out():
+    log = foreign("steps", seed=5, duration_s=20.0)
+    columns = {name: log[name].copy() for name in log.columns}
+    t_s, seen = columns["t_s"], ~np.isnan(columns["ball_x_m"])
+    columns["ball_exposed_s"] = np.where(seen, t_s, np.nan)
+    whole = data.usable(Log.from_columns(columns), camera_delay_s=0.0)
+    nowhere, latched = (seen & (t_s > begin) & (t_s < begin + 3.0) for begin in (5.0, 17.0))
+    for name in ("ball_x_m", "ball_y_m"):
+        columns[name][nowhere] = 0.0
+        columns[name][latched] = columns[name][latched][0]
+    run = data.usable(Log.from_columns(columns), camera_delay_s=0.0)
+    assert run.repeats == nowhere.sum() + latched.sum()
+    assert whole.repeats == run.outliers == 0
+    assert not np.isin(run.exposed_s, t_s[nowhere | latched]).any()
+    assert len(run.exposed_s) == pytest.approx(0.7 * len(whole.exposed_s), rel=0.05)
+
+
 @pytest.mark.parametrize("name", ["late_servo", "late_bus_servo"])
 def test_behind_a_hole_nothing_counts_that_shows_what_the_servos_were_told_in_it(
     name: str, tmp_path: Path
