@@ -16,14 +16,20 @@ COMING_BACK = 0.01  # share; chosen: of readings a tenth of the noise apart it i
 
 def repeats(ball_m: np.ndarray) -> np.ndarray:
     """True (n,) for the exposures whose places ball_m (n, 2) [m], in their order, are no readings
-    by the module's rule: the first of a place, which the ball may have left, too."""
-    if not len(ball_m):
-        return np.zeros(0, bool)
-    new = np.concatenate([[True], (ball_m[1:] != ball_m[:-1]).any(axis=1)])
+    by the module's rule, of both axes or of one, as where a picture ends: the first of a place,
+    which the ball may have left, too."""
+    sides = ball_m, ball_m[:, :1], ball_m[:, 1:]
+    return np.logical_or.reduce([_told_again(places_m) for places_m in sides])
+
+
+def _told_again(places_m: np.ndarray) -> np.ndarray:
+    """`repeats` of places (n, k)."""
+    n = len(places_m)
+    new = np.concatenate([np.ones(min(n, 1), bool), (places_m[1:] != places_m[:-1]).any(axis=1)])
     begin = np.flatnonzero(new)
-    told = np.diff(np.append(begin, len(ball_m)))  # times in a row
-    places = ball_m[begin][told <= FEWEST]
-    again = len(places) - len(np.unique(places, axis=0))
-    if again > COMING_BACK * len(places) or not len(places):
-        return np.zeros(len(ball_m), bool)
+    told = np.diff(np.append(begin, n))  # times in a row
+    seldom = places_m[begin][told <= FEWEST]
+    again = len(seldom) - len(np.unique(seldom, axis=0))
+    if not len(seldom) or again > COMING_BACK * len(seldom):
+        return np.zeros(n, bool)
     return np.repeat(told > FEWEST, told)

@@ -24,6 +24,16 @@ def test_places_that_are_told_again_are_found_and_nothing_else(seed, rate_hz, fr
     np.testing.assert_array_equal(repeats(ball), odd)
 
 
+def test_a_place_at_the_end_of_the_picture_is_none():
+    _, ball = rolling(4)
+    ends = np.quantile(ball, [0.1, 0.9], axis=0)
+    cut = np.clip(ball, *ends)
+    beyond = (ball < ends[0]) | (ball > ends[1])
+    found = repeats(cut)
+    assert not found[~beyond.any(axis=1)].any()
+    assert found[beyond.any(axis=1)].mean() > 0.9
+
+
 @pytest.mark.parametrize("step_m", [2e-5, 1e-4, 3e-4, 0.001, 0.005])
 @pytest.mark.parametrize("seed", range(5))
 def test_a_ball_at_rest_is_read_however_coarse_the_camera(step_m, seed):
