@@ -11,16 +11,19 @@ one axis alone, are asked about as they are: there are no pushes to leave out.
 
 The rest was chosen by the misfit of a model, and may hold what a hand did before and after the
 pushes that were seen. A name that the whole did not tell is certain only if it holds where hands
-were farthest: on the half of the rest's exposures that lie farthest from any push, fitted and
-predicted on them alone, the ball is predicted better 1 s ahead with it than without, for certain.
+were farthest. On the half of the rest's exposures that lie farthest from any push, fitted and
+predicted on them alone, the ball has to be predicted better 1 s ahead with it than without, for
+certain. And a hand must not be at work there, too: none of the errors with all names is larger than
+noise gives to one in 1 of CHANCE_ONE_IN such halves.
 """
 
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.stats import chi2
 
-from calibration.gap.decision_rule import SURE_Z
+from calibration.gap.decision_rule import CHANCE_ONE_IN, SURE_Z
 from calibration.gap.harm import keys_of_name
 from calibration.gap.held_out import gained, held_out
 from calibration.gap.model.data import Evidence
@@ -28,6 +31,7 @@ from calibration.gap.model.parameters import BALL
 from calibration.gap.model.state import State, drop_effects
 from calibration.gap.name.decide import Decision, verdict_of
 from calibration.gap.name.stepwise import Accepted
+from calibration.gap.prove import model_of, unexpected
 from calibration.gap.unnamed.along import WINDOWS_S
 from calibration.gap.unnamed.term import UnnamedTerm
 from calibration.gap.unnamed.wording import when
@@ -116,7 +120,8 @@ def _holds_far_away(state: State, one: Accepted, term: UnnamedTerm) -> bool:
     if BALL not in before:
         return False
     d, se = gained(before[BALL], after[BALL])
-    return d > SURE_Z * se
+    squares = unexpected(far.evidence, model_of(far))
+    return d > SURE_Z * se and bool(squares.max() < chi2.isf(1.0 / CHANCE_ONE_IN / len(squares), 1))
 
 
 def far_away(evidence: Evidence, term: UnnamedTerm) -> Evidence:

@@ -103,6 +103,14 @@ def _ahead_of_run(run: Signals, evidence: Evidence, model: Model, output: str) -
     return servo_ahead(model.record, run, evidence.levels, *servo, SERVO.index(output))[0]
 
 
+def unexpected(evidence: Evidence, model: Model) -> np.ndarray:
+    """Squared errors (m,) of the ball predicted 1 s ahead, as of `ahead`, over the variances that
+    the filter expects of them: 1 on average where the model lacks nothing."""
+    pairs = [ball_ahead(model.record, run, evidence.levels) for run in evidence.runs]
+    squares = np.concatenate([(e / s[:, None]).ravel() ** 2 for e, s in pairs])
+    return squares[(evidence.masks[BALL] > 0) & np.isfinite(squares)]
+
+
 def _ahead_squares(evidence: Evidence, model: Model) -> dict[str, np.ndarray]:
     """Squared errors 1 s ahead by output [m2 or rad2]; outputs in which no prediction ends are left
     out."""
