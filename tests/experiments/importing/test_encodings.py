@@ -85,3 +85,10 @@ def test_damaged_or_strange_packed_files(tmp_path: Path, monkeypatch, name, cont
     with pytest.raises(BadFileError, match=says) as caught:
         read_recording(tmp_path / name)
     assert str(caught.value).startswith(str(tmp_path / name))
+
+
+def test_a_small_packed_file_holds_no_billion_of_blank_lines(tmp_path: Path):
+    """Reading them took minutes."""
+    (tmp_path / "a.csv.gz").write_bytes(gzip.compress(b"\n" * 70_000_000, 6))
+    with pytest.raises(BadFileError, match="unpacks to more than 67108864 bytes"):
+        read_recording(tmp_path / "a.csv.gz")
