@@ -37,6 +37,7 @@ def find_time(draft: Draft) -> None:
     said["session"] = None if said["session"] == "none" else said["session"]
     if "rate_hz" in said:
         draft.time = dict(said)
+        time_map(draft.time)
         draft.because("time", f"rows every {1000 / said['rate_hz']:.4g} ms, as stated")
     else:
         column = said.get("column") or draft.stream.time or _time_column(draft)

@@ -7,6 +7,7 @@ import pytest
 
 from experiments.importing.conversion import convert
 from experiments.importing.import_map import ImportMap, merged, read_map, stated, write_map
+from experiments.importing.proposal import propose
 from experiments.importing.recording import BadFileError, Stream
 from tests.support import DATA
 
@@ -192,3 +193,10 @@ def test_a_wrong_map_gets_one_line(text: str, says: str, tmp_path: Path):
 def test_a_wrong_statement_gets_one_line(text: str):
     with pytest.raises(ValueError, match="--set"):
         stated([text])
+
+
+@pytest.mark.parametrize("rate_hz", ["0", "-50", "nan"])
+def test_a_rate_that_is_none_gets_one_line(rate_hz: str):
+    stream = Stream({"x": np.sin(T), "y": np.cos(T)})
+    with pytest.raises(ValueError, match="the map: time: rate_hz"):
+        propose(stream, stated([f"time.rate_hz={rate_hz}"]))
