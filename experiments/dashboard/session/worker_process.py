@@ -187,7 +187,7 @@ class WorkerProcess:
 
     def _end_process(self) -> None:
         if self._process is not None:
-            self._process.terminate()
+            self._process.kill()  # whatever a lab's own code does with signals
             self._killed = True
 
     def _tell(self, item: WorkItem, kind: str, what: Any, *, last: bool) -> None:

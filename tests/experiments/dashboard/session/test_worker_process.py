@@ -64,9 +64,15 @@ def test_a_refusal_is_its_sentence_and_a_fault_its_name(worker):
     assert on_message(worker, "b", broken) == [("failed", "RuntimeError: broken")]
 
 
-def test_work_is_cancelled_and_the_next_piece_is_served(worker):
+def deaf(progress):
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    endless(progress)
+
+
+@pytest.mark.parametrize("work", [endless, deaf])
+def test_work_is_cancelled_and_the_next_piece_is_served(worker, work):
     words: Queue = Queue()
-    worker.put(WorkItem("endless", endless, lambda *what: words.put(what)))
+    worker.put(WorkItem("endless", work, lambda *what: words.put(what)))
     assert words.get(timeout=120) == ("progress", ("on", 0, 1))
     with pytest.raises(ValueError, match="endless is on already"):
         worker.put(WorkItem("endless", endless, lambda *what: None))
