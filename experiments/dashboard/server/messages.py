@@ -5,6 +5,8 @@ nothing asked for. Here nothing passes that is not on the list, and of an input 
 `Controls` has checked.
 """
 
+from collections.abc import Awaitable, Callable
+from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +15,7 @@ from experiments.dashboard.server.controls import Controls
 if TYPE_CHECKING:
     from viser import ClientHandle, ViserServer
 
+Handler = Callable[[Any, Any], Awaitable[None]]
 LONGEST = 1 << 16  # bytes of a message; chosen: a page's own are shorter than 1 kB
 
 
@@ -22,6 +25,18 @@ def tell_page(client: "ClientHandle", handle: Any, **properties: Any) -> None:
 
     message = messages.GuiUpdateMessage(handle._impl.uuid, properties)
     client._websock_connection.queue_message(message)
+
+
+def _of_any_shape(handler: Handler) -> Handler:
+    """viser's handler, by which a message is passed over that is not what its kind says: it would
+    tell of each in a traceback.
+    """
+
+    async def handle(page: Any, message: Any) -> None:
+        with suppress(Exception):
+            await handler(page, message)
+
+    return handle
 
 
 def admit_values(server: "ViserServer", controls: Controls) -> None:
@@ -38,9 +53,10 @@ def admit_values(server: "ViserServer", controls: Controls) -> None:
 
     async def update(page: Any, message: messages.GuiUpdateMessage) -> None:
         handle = inputs.get(message.uuid) if isinstance(message.uuid, str) else None
-        if handle is None or list(message.updates) != ["value"]:
+        updates = message.updates
+        if handle is None or not isinstance(updates, dict) or list(updates) != ["value"]:
             return
-        raw = message.updates["value"]
+        raw = updates["value"]
         try:
             value = controls.cleaned(page, handle, raw)
         except (ValueError, PermissionError) as error:
@@ -56,8 +72,10 @@ def admit_values(server: "ViserServer", controls: Controls) -> None:
 
     admitted = {
         messages.GuiUpdateMessage: [update],
-        messages.CommandTriggerMessage: handlers[messages.CommandTriggerMessage],
-        messages.ScenePointerMessage: handlers[messages.ScenePointerMessage],
+        **{
+            kind: [_of_any_shape(one) for one in handlers[kind]]
+            for kind in (messages.CommandTriggerMessage, messages.ScenePointerMessage)
+        },
     }
     handlers.clear()
     handlers.update(admitted)
