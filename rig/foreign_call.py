@@ -21,7 +21,7 @@ _NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
 ENDING = tuple(getattr(signal, name) for name in _NAMES if hasattr(signal, name))
 LONGEST_WORDS = 500  # characters; chosen: a sentence with a path, no dump of an array
 WORDS_S = 1.0  # chosen: an error's words are made in microseconds
-_LIMITED = ("RLIMIT_DATA", "RLIMIT_NOFILE", "RLIMIT_FSIZE")  # what a recording needs
+_LIMITED = ("RLIMIT_AS", "RLIMIT_DATA", "RLIMIT_NOFILE", "RLIMIT_FSIZE")  # what a recording needs
 LIMITED = tuple(getattr(resource, name) for name in _LIMITED if hasattr(resource, name))
 MEMORY_SHARE = 0.5  # of what is free when the run begins; chosen: the rest is the recording's
 
@@ -63,11 +63,11 @@ class ForeignCall:
     code itself. The time is bounded in a main thread on Linux and macOS, the memory on Linux. A
     KeyboardInterrupt that leaves it is the operator's, else it becomes a FeignedInterruptError.
 
-    Afterwards relative paths mean what they did before, signals that end the program do so still,
-    and limits on memory and files are the former ones, as far as the system allows. A process that
-    the code has forked ends where it would go on as a second rig, with the same recording and the
-    same table. Threads that it starts do not keep the program from its end, unless they ask for it
-    (`daemon=False`).
+    Afterwards relative paths mean what they did before, new files have the former rights, signals
+    that end the program do so still, and limits on memory and files are the former ones, as far as
+    the system allows. A process that the code has forked ends where it would go on as a second rig,
+    with the same recording and the same table. Threads that it starts do not keep the program from
+    its end, unless they ask for it (`daemon=False`).
     """
 
     def __init__(self, seconds: float) -> None:
@@ -85,6 +85,8 @@ class ForeignCall:
 
     def __enter__(self) -> None:
         self._process, self._folder = os.getpid(), _working_folder()
+        self._umask = os.umask(0o077)  # the system tells it in no other way
+        os.umask(self._umask)
         self._stdout, sys.stdout = sys.stdout, sys.stderr
         self._thread: Any = threading.current_thread()  # new threads take after it
         self._daemonic, self._thread._daemonic = self._thread.daemon, True
@@ -123,6 +125,7 @@ class ForeignCall:
                 passed_s = time.monotonic() - self._began_s
                 signal.setitimer(signal.ITIMER_REAL, max(left_s - passed_s, 1e-3), again_s)
         _give_back(self._limits)
+        os.umask(self._umask)
         sys.stdout = self._stdout
         if self._folder and self._folder != _working_folder():
             os.chdir(self._folder)

@@ -170,7 +170,7 @@ bytearray(100 << 20)
     subprocess.run([sys.executable, "-c", text], check=True, timeout=60)
 
 
-@pytest.mark.parametrize("name", ["RLIMIT_NOFILE", "RLIMIT_FSIZE"])
+@pytest.mark.parametrize("name", ["RLIMIT_NOFILE", "RLIMIT_FSIZE", "RLIMIT_AS"])
 def test_limits_on_files_are_those_of_before(name: str):
     before, after = lowered(name, hard=False)
     assert after == before
