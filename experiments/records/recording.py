@@ -59,6 +59,9 @@ __all__ = ["Recorder", "Run", "new_run_folder", "read_run", "recover", "write_ru
 LONGEST_SAMPLES = 1 << 32  # bytes; chosen: three hours at 1 kHz, uncompressed
 LOCK_S = 1.0  # chosen: who asks has the lock for a millisecond, on a busy machine for ten
 DISK_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+_OPEN: set[int] = set()  # files of recorders
+if hasattr(os, "register_at_fork"):  # else a copy, as a lab's class makes one, would keep the lock
+    os.register_at_fork(after_in_child=lambda: [os.closerange(one, one + 1) for one in _OPEN])
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,11 +115,12 @@ class Recorder:
         reserve(self.folder / "run.json")
         flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
         self._file = os.open(self.folder / "samples.mcap", flags, 0o644)
+        _OPEN.add(self._file)
         try:
             _lock_soon(self._file, self.folder)
             self._write(opening())
         except OSError:
-            os.close(self._file)
+            self._close()
             raise
 
     def append(self, row: np.ndarray) -> None:
@@ -179,25 +183,27 @@ class Recorder:
             if not ended:  # on a full disk the older run.json has made room for it
                 self._end_file()
         finally:
-            os.close(self._file)
+            self._close()
         with suppress(OSError):
             self._compress()
 
+    def _close(self) -> None:
+        _OPEN.discard(self._file)
+        os.close(self._file)
+
     def _end_file(self) -> bool:
         """Whether the samples could be given their ending; without it the rows are readable too."""
-        try:
+        with suppress(OSError):
             self._write(plain_ending())
-        except OSError:
-            return False
-        return True
+            return True
+        return False
 
     def _is_in_place(self) -> bool:
         """Whether the file that was written is the one in the folder still."""
-        try:
+        with suppress(OSError):
             there = os.stat(self.folder / "samples.mcap")  # noqa: PTH116  (as of the open one)
-        except OSError:
-            return False
-        return os.path.samestat(os.fstat(self._file), there)
+            return os.path.samestat(os.fstat(self._file), there)
+        return False
 
     def __enter__(self) -> "Recorder":
         return self

@@ -49,7 +49,7 @@ def run_own(request: RunRequest, *, progress: Callable[[float], None]) -> Finish
     work = partial(_run, request)
     try:
         return in_copy(work, heard=heard, output=standard_error, passes_on=True, left=left)
-    except OSError as error:  # perhaps of the copy alone, of which the controller took its files
+    except Exception as error:  # of the copy alone, of which the controller took files or modules
         ending = ending_of(error)
         with suppress(OSError, ValueError):
             if folder:

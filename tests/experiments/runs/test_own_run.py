@@ -53,6 +53,7 @@ def request(folder: Path, what: str, file: str = FILE, protocol: str = PROTOCOL)
             "crashed the program (signal 11)",
         ),
         ("os.kill(os.getpid(), signal.SIGSTOP)", "did not return within 1 s"),
+        ("os.fork() or (os.setsid(), time.sleep(9)); os._exit(3)", "did not return within 1 s"),
     ],
 )
 def test_what_leaves_or_hangs_the_program_ends_the_run_with_its_rows(
@@ -84,6 +85,19 @@ def test_what_it_leaves_behind_does_not_keep_the_program(tmp_path):
     assert done.ending.outcome == "completed"
     assert times
     assert threading.active_count() <= before
+
+
+def test_a_module_that_it_breaks_takes_no_outcome_from_the_run(tmp_path):
+    with pytest.raises(TypeError):
+        run_own(request(tmp_path, "import json; json.dumps = None"), progress=lambda t_s: None)
+    (folder,) = (tmp_path / "runs").iterdir()
+    whole = read_run(folder)
+    assert (whole.meta["outcome"], len(whole.log)) == ("aborted", 500)
+
+
+def test_what_it_lets_others_do_with_new_files_is_not_what_the_run_does(tmp_path):
+    done = run_own(request(tmp_path, "os.umask(0o777)"), progress=lambda t_s: None)
+    assert {path.stat().st_mode & 0o400 for path in done.folder.iterdir()} == {0o400}
 
 
 def test_a_file_that_leaves_as_it_is_loaded_is_bad_input(tmp_path):
