@@ -115,7 +115,9 @@ def _moves(values: np.ndarray, there: np.ndarray) -> bool:
 def _on_grid(
     t_s: np.ndarray, values: np.ndarray, grid: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """`values` on the grid by straight lines, and where they are known: not inside a hole."""
+    """`values` on the grid by straight lines, and where they are known: not inside a hole. Of rows
+    closer than the grid's the mean over a step, since volts of a fast loop change with every row.
+    """
     there = np.isfinite(values)
     if there.sum() < 3:
         return np.zeros_like(grid), np.zeros(len(grid), bool)
@@ -124,7 +126,17 @@ def _on_grid(
     after = np.clip(np.searchsorted(t_s, grid, side="left"), 1, len(t_s) - 1)
     hole = t_s[after] - t_s[after - 1] > longest_s
     known = ~hole & (grid >= t_s[0]) & (grid <= t_s[-1])
-    return np.interp(grid, t_s, values), known
+    if np.median(np.diff(t_s)) >= STEP_S:
+        return np.interp(grid, t_s, values), known
+    return _means(t_s, values, np.append(grid, grid[-1:] + STEP_S) - STEP_S / 2), known
+
+
+def _means(t_s: np.ndarray, values: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """Means (m,) between `edges` (m + 1,) of the straight lines through values (n,)."""
+    t = np.union1d(t_s, edges)
+    v = np.interp(t, t_s, values)
+    area = np.concatenate(([0.0], np.cumsum(np.diff(t) * (v[1:] + v[:-1]) / 2)))
+    return np.diff(area[np.searchsorted(t, edges)]) / np.diff(edges)
 
 
 def _kernels(half: int, order: int) -> tuple[np.ndarray, np.ndarray]:
