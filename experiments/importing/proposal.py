@@ -12,6 +12,7 @@ from experiments.importing.drive import find_volts, settle_speeds, settle_target
 from experiments.importing.import_map import KINDS, SIGNALS, Stated
 from experiments.importing.lone_servo import read_lone_servo
 from experiments.importing.names import hints
+from experiments.importing.plate_angle import doubt_plate_angle, refuse_turned, without_arms
 from experiments.importing.recording import MIN_ROWS, BadFileError, Stream, numbers_only
 from experiments.importing.roles import (
     NAMES,
@@ -34,6 +35,7 @@ from rig.log import CONTRACT
 from rig.log import NAMES as RECORDED
 
 ASKED = ("kind", "column", "seen")  # before all else, as what else is open depends on them
+ANGLES = ("angle", "theta", "command")  # places of doubts about them
 JUMP_RAD_S = 25.0  # no servo turns faster: what jumps like that was commanded
 LATE_S = 0.06  # chosen: a servo's lag and dead time are longer, a camera's delay mostly shorter
 MOST_NAMELESS = 8  # chosen: more are a program's inner values, of which one may look like any other
@@ -44,7 +46,7 @@ def propose(stream: Stream, said: Stated | None = None) -> Proposal:
     """Propose a map for the columns of `stream`; `said` (as of `import_map.stated`) is certain.
 
     BadFileError: nothing in it can be compared with anything. ValueError: what was stated does
-    not fit the file.
+    not fit the file, or no column is one axis' angle.
     """
     if len(stream) < MIN_ROWS:
         rows = f"{len(stream)} row{'s' if len(stream) > 1 else ''}"
@@ -67,6 +69,7 @@ def propose(stream: Stream, said: Stated | None = None) -> Proposal:
     doubt_what_is_missing(draft, ball, angles, volts)
     for kind, columns in kinds.items():
         found = answers(draft, seen, columns)
+        refuse_turned(found, columns)
         angles = followed(draft, kinds["theta"], columns) if kind != "theta" in kinds else {}
         answered = pair(draft, kind, columns, found, angles)
         paired = {axis: draft.signals[NAMES[kind].format(axis)]["column"] for axis in answered}
@@ -74,7 +77,10 @@ def propose(stream: Stream, said: Stated | None = None) -> Proposal:
             doubt_late_angles(draft, seen, paired)
         settle_units(draft, ball, kind, paired, answered, angles)
         settle_angle_zero(draft, kind, answered)
+        doubt_plate_angle(draft, angles, kinds.get("theta", {}), paired)
         kinds[kind] = paired
+    if not kinds and not any(doubt.place.startswith(ANGLES) for doubt in draft.doubts):
+        settle_units(draft, ball, "command", {}, {}, {})
     settle_ball_zero(draft, ball, seen)
     theta = kinds.get("theta", {})
     if volts and theta:
@@ -142,6 +148,7 @@ def _angles(
 ) -> dict[str, dict[str, str]]:
     """Columns of the angles by kind (theta, command) and axis; doubts where the kind is open."""
     named = {role: columns_of(draft, role) for role in ("theta", "command", "angle")}
+    named = without_arms(draft, named)
     theta, command = (_with_partner(draft, role, named) for role in ("theta", "command"))
     has_theta, has_command = bool(theta or named["theta"]), bool(command or named["command"])
     free = [c for c in named["angle"] if c not in (*theta.values(), *command.values())]
