@@ -71,8 +71,8 @@ def read_clock(stream: Stream, time: TimeMap) -> Clock:
         out[at[good]] = own[good]
     if left > MAX_BACKWARDS * rows and time.clock == "as recorded":
         raise BadFileError(
-            f"{time.column} does not grow in {left} of {rows} rows (limit: 1 %): where stamps are "
-            "coarser than the rows, --set time.clock=even; else sort them"
+            f"{time.column} does not grow in {left} of {rows} rows (limit: 1 %): where rows are in "
+            "order and stamps are coarse or late, --set time.clock=even; else sort the rows"
         )
     lost = int(np.isnan(out).sum())
     notes = (f"{lost} rows without a time of their own are left out",) if lost else ()

@@ -6,6 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from experiments.importing.columns.quaternions import with_tilts
+from experiments.importing.columns.row_order import in_order
+from experiments.importing.columns.side_by_side import parted
 from experiments.importing.columns.split_stamps import whole_stamps
 from experiments.importing.columns.turns import unwound
 from experiments.importing.formats.bag_folder import is_bag
@@ -75,7 +77,8 @@ def read_recording(path: Path) -> Recording:
         )
     try:
         with np.errstate(all="ignore"):  # damaged floats warn where they become doubles
-            return joined([unwound(with_tilts(whole_stamps(one))) for one in reader(path)])
+            streams = [part for one in reader(path) for part in parted(whole_stamps(one))]
+            return joined([unwound(with_tilts(in_order(one))) for one in streams])
     except BadFileError as error:
         raise BadFileError(f"{path}: {printable(error)[:LONGEST_WORDS]}") from error
 
