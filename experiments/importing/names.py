@@ -4,6 +4,7 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 from experiments.importing.units import canonical, quantity
 
@@ -46,7 +47,7 @@ _ROLES = {word: role for role, words in WORDS.items() for word in words.split()}
 STEMS = {  # of words that languages end in many ways
     "command": "comand command kommand mandad stell actuat attuat angesteuert",
     "measured": "measur gemess mesur misur medid rilev encoder",
-    "target": "sollw consign desir desej desead gewens refer",
+    "target": "sollw consign desir desej desead gewens refer rifer",
     "ball": "kugel pelot pallin",
     "place": "posi",
     "angle": "angol angul ángul ângul neigung inclin kipp winkel",
@@ -167,6 +168,8 @@ def hint(name: str, stated_unit: str | None = None) -> Hint:
     unit = canonical(f"{unit}*{size}") or unit if size else unit
     roles = [role for word in words if (role := _role_of(word))]
     roles += ["angle"] * ("joint" in words)  # and measured
+    if any(one == "load" and word in CLEAR_ANGLE for one, word in pairwise(words)):
+        roles = ["measured", *(role for role in roles if role != "other")]  # behind the gear
     sayings = words[:-1] if unit and len(words) > 1 and canonical(words[-1]) == unit else words
     said = [word for word in reversed(sayings) if word in _AXES]
     said.sort(key=lambda word: word not in ("x", "y"))  # the pixel's u is a control's, too

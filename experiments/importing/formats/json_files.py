@@ -1,7 +1,7 @@
 """Read JSON: an object a line, as a web page's or a Python program's log, or one whole value."""
 
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
@@ -11,8 +11,9 @@ import numpy as np
 from experiments.importing.formats.matlab import streams_of
 from experiments.importing.formats.messages import Columns, messages_of_lines, numbers
 from experiments.importing.formats.text_tables.clock_text import clock_seconds, is_clock
+from experiments.importing.formats.text_tables.decimals import is_number
 from experiments.importing.formats.text_tables.encodings import encoding_of
-from experiments.importing.recording import BadFileError, Stream, check_size, once_each
+from experiments.importing.recording import MIN_ROWS, BadFileError, Stream, check_size, once_each
 from experiments.records.csv_files import lines_of
 
 T = TypeVar("T")
@@ -56,7 +57,7 @@ def read_json(path: Path) -> list[Stream]:
     clocks: set[str] = set()
     try:
         whole = json.loads(text, object_pairs_hook=once_each)
-        tree = _tree("", whole, clocks)
+        tree = _tree("", _of_pandas(whole), clocks)
         found = list(streams_of(tree if isinstance(tree, dict) else {"column": tree}))
     except BadFileError:
         raise
@@ -68,6 +69,41 @@ def read_json(path: Path) -> list[Stream]:
     if not streams:
         raise BadFileError("no numbers were found in it: a list of objects, or an object of lists")
     return streams
+
+
+def _of_pandas(whole: Any) -> Any:
+    """A table as `DataFrame.to_json` writes it, as an object of lists; any other value as it is.
+
+    "split" has the names beside the rows; the usual form has an object of all rows a column, and
+    "index" an object of all columns a row.
+    """
+    if not isinstance(whole, dict):
+        return whole
+    names, rows = whole.get("columns"), whole.get("data")
+    if isinstance(names, list) and isinstance(rows, list) and _is_table(rows, len(names)):
+        pairs = zip(map(str, names), map(list, zip(*rows, strict=True)), strict=True)
+        return once_each([("index", whole.get("index")), *pairs])
+    parts = list(whole.values())
+    if not all(isinstance(part, dict) and part.keys() == parts[0].keys() for part in parts):
+        return whole
+    if len(parts) >= MIN_ROWS and not any(map(_is_nested, parts)) and _are_numbers(whole):
+        return [{"index": float(key), **part} for key, part in whole.items()]
+    if parts and len(parts[0]) >= MIN_ROWS and _are_numbers(parts[0]):
+        index = [float(key) for key in parts[0]]
+        return {"index": index} | {name: list(part.values()) for name, part in whole.items()}
+    return whole
+
+
+def _is_table(rows: Sequence[Any], width: int) -> bool:
+    return len(rows) > 0 and all(isinstance(row, list) and len(row) == width for row in rows)
+
+
+def _is_nested(part: Mapping[str, Any]) -> bool:
+    return any(isinstance(value, dict | list) for value in part.values())
+
+
+def _are_numbers(names: Iterable[str]) -> bool:
+    return all(map(is_number, names))
 
 
 def _read(read: Callable[[], T]) -> T:

@@ -14,10 +14,12 @@ from experiments.importing.names import hint
 from experiments.importing.recording import (
     MAX_CELLS,
     MIN_ROWS,
+    TWICE,
     BadFileError,
     Stream,
     check_size,
 )
+from experiments.importing.units import canonical
 from experiments.records.mat_files import check_chunks, check_inflated, in_file, members
 
 MAX_WIDTH = 64  # chosen: a wider matrix is a picture
@@ -136,7 +138,7 @@ def _streams(name: str, tree: Mapping[str, Any]) -> Iterator[Stream]:
     """Yield the streams of a struct and of the structs in it; what has no time joins its parent."""
     columns: dict[str, np.ndarray] = {}
     time = None
-    for key, value in _simulink(tree).items():
+    for key, value in _captured(_simulink(tree)).items():
         full = f"{name}.{key}" if name else key
         if isinstance(value, list):
             if trials := _trials(full, value):
@@ -222,14 +224,7 @@ def _simulink(tree: Mapping[str, Any]) -> Mapping[str, Any]:
     """The fields of Simulink's 'Structure with time' (time, signals.values, .label), by label."""
     if "time" not in tree or "signals" not in tree:
         return tree
-    signals = tree["signals"]
-    parts = list(signals) if isinstance(signals, list | np.ndarray) else [signals]
-    if parts and isinstance(parts[0], Mapping) and isinstance(parts[0].get("values"), list):
-        first = parts[0]  # version 7.3 keeps an array of structs as a struct of lists
-        parts = [
-            {k: v[i] for k, v in first.items() if isinstance(v, list) and i < len(v)}
-            for i in range(len(first["values"]))
-        ]
+    parts = _structs(tree["signals"], "values")
     found: dict[str, Any] = {"time": tree["time"]}
     for i, part in enumerate(parts):
         if isinstance(part, Mapping) and "values" in part:
@@ -237,6 +232,43 @@ def _simulink(tree: Mapping[str, Any]) -> Mapping[str, Any]:
             label = label if isinstance(label, str) and label else f"signal{i + 1}"
             found[label if label not in found else f"{label}{i + 1}"] = part["values"]
     return found
+
+
+def _captured(tree: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The fields of a capture of dSPACE's ControlDesk (X, Y with .Name, .Data, .Unit), by name and
+    unit; of several X each with the signals that it is the time of."""
+    times, signals = (_parts_with_data(tree.get(key)) for key in "XY")
+    if not times or not signals:
+        return tree
+    groups: list[dict[str, Any]] = [{str(one["Name"]): one["Data"]} for one in times]
+    for one in signals:
+        at = int(np.ravel(one.get("XIndex", 1))[0]) - 1 if len(times) > 1 else 0
+        if not 0 <= at < len(groups):
+            raise BadFileError(f"{one['Name']} is of X number {at + 1}, and there are {len(times)}")
+        unit = one.get("Unit")
+        known = isinstance(unit, str) and canonical(unit) is not None
+        name = f"{one['Name']} [{unit}]" if known else str(one["Name"])
+        if name in groups[at]:
+            raise BadFileError(TWICE.format(name))
+        groups[at][name] = one["Data"]
+    return groups[0] if len(groups) == 1 else {str(i + 1): one for i, one in enumerate(groups)}
+
+
+def _parts_with_data(value: Any) -> list[Mapping[str, Any]]:
+    """The structs of an array, or the one there is, if each has a name and data; else none."""
+    parts = _structs(value, "Data")
+    told = (isinstance(one, Mapping) and {"Name", "Data"} <= one.keys() for one in parts)
+    return parts if all(told) else []
+
+
+def _structs(value: Any, field: str) -> list[Any]:
+    """The structs of an array, or the one there is, each of which has such a field."""
+    if isinstance(value, Mapping) and isinstance(value.get(field), list):
+        return [  # version 7.3 keeps an array of structs as a struct of lists
+            {k: v[i] for k, v in value.items() if isinstance(v, list) and i < len(v)}
+            for i in range(len(value[field]))
+        ]
+    return list(value) if isinstance(value, list | np.ndarray) else [value]
 
 
 def _columns(name: str, value: Any) -> Iterator[tuple[str, np.ndarray]]:

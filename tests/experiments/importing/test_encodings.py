@@ -1,4 +1,4 @@
-"""Text as Windows writes it in Japan, China and Germany, and text that gzip packed."""
+"""Text as Windows writes it in Japan, China, Russia, Poland, Germany; text that gzip packed."""
 
 import gzip
 from pathlib import Path
@@ -11,6 +11,8 @@ from experiments.importing.recording import BadFileError
 
 CHINESE = ["时间(s)", "球X(mm)", "舵机X(°)"]
 JAPANESE = ["時刻[s]", "ボールX[mm]", "サーボX[°]"]
+RUSSIAN = ["Время [с]", "Шар X [мм]", "Угол серво X [град]"]
+POLISH = ["czas [s]", "kulka X [mm]", "kąt zadany X [°]"]
 GERMAN = ["Zeit", "Größe", "Fußweg [°]"]
 
 
@@ -25,6 +27,9 @@ def table(names: list[str]) -> str:
         (JAPANESE, "cp932"),
         (GERMAN, "latin-1"),
         (["Größe", "Maß", "Öl"], "latin-1"),  # two high bytes side by side, as in Chinese
+        (RUSSIAN, "cp1251"),
+        (POLISH, "cp1250"),
+        (["Temps", "Élevé", "créée [m³/s]"], "latin-1"),  # three accents side by side, and a sign
         (GERMAN, "utf-16"),
         (GERMAN, "utf-16-le"),
         (["t", "x", "y"], "utf-16-be"),

@@ -10,13 +10,16 @@ from experiments.importing.recording import BadFileError
 HEAD_BYTES = 4096
 MIN_ZEROS = 0.3  # of the bytes of ASCII in UTF-16, every other is 0; chosen: names may be no ASCII
 _HIGH = re.compile(rb"[\x80-\xff]+")
+CYRILLIC_RUN = 3  # letters; chosen: of Latin-1's, two stand side by side in `Größe`
+_MIDDLE = re.compile(rb"[a-z][\x9f\xb3\xb9\xbf][a-z]")  # Latin-1 has no letter there
 _WORD = re.compile("[\u3040-\u30ff\u4e00-\u9fff]{2}")  # two kana or ideographs side by side
 _OTHER = re.compile("[\uff61-\uff9f\ue000-\uf8ff]")  # half as wide, or private: a wrong guess
 
 
 def encoding_of(path: Path) -> str:
     """By the byte order mark or the place of zero bytes, else UTF-8, else Shift-JIS or GB 18030
-    where it makes words of theirs, else Latin-1 (old Windows). BadFileError: no text."""
+    where it makes words of theirs, else as old Windows in the East or, Latin-1, the West of Europe.
+    BadFileError: no text."""
     with path.open("rb") as file:
         begin = file.read(HEAD_BYTES)
         if begin.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
@@ -43,7 +46,10 @@ def _utf_16(begin: bytes) -> str:
 
 
 def _of_a_country(sample: bytes) -> str:
-    """Shift-JIS begins its letters with a byte that Latin-1 and GB 2312 do without, and the latter
+    """In words of Latin-1 few accented letters stand side by side, in Cyrillic ones all; and no
+    sign, as a superscript 1, stands within a word, as a Polish letter does.
+
+    Shift-JIS begins its letters with a byte that Latin-1 and GB 2312 do without, and the latter
     has two high bytes for each of its own."""
     lines = [line for line in sample.split(b"\n") if not line.isascii()]
     runs = list(chain.from_iterable(map(_HIGH.findall, lines)))
@@ -55,4 +61,8 @@ def _of_a_country(sample: bytes) -> str:
         text = "\n".join(line.decode(name, errors="replace") for line in lines)
         if _WORD.search(text) and not _OTHER.search(text) and text.count("\ufffd") < 2:
             return name
-    return "latin-1"
+    if _MIDDLE.search(b"\n".join(lines)):
+        return "cp1250"
+    letters = [run for run in runs if min(run) >= 0xC0]
+    cyrillic = sum(len(run) for run in letters if len(run) >= CYRILLIC_RUN)
+    return "cp1251" if 2 * cyrillic > sum(map(len, runs)) else "latin-1"

@@ -10,6 +10,7 @@ from experiments.importing.formats.text_tables.decimals import is_number
 from experiments.importing.names import hint, words_of
 from experiments.importing.recording import Stream, check_size
 
+UNITS = {"unit", "units", "einheit", "unité", "unite", "unidad", "unità", "unidade", "eenheid"}
 VALUES = {"value", "val", "wert", "valeur", "valor", "valore", "waarde"}
 
 
@@ -22,6 +23,9 @@ class LongForm:
         columns = list(zip(*(row for row in begin if len(row) == len(names)), strict=True))
         self._value = named[0] if len(named) == 1 else ""
         self._words = [i for i, cells in enumerate(columns) if self._value and _are_words(cells)]
+        self._unit = next(
+            (k for k, i in enumerate(self._words) if {*words_of(names[i])} & UNITS), -1
+        )
         self._series: dict[tuple[str, ...], int] = {}
         self._rows: list[int] = []
 
@@ -44,12 +48,16 @@ class LongForm:
         if any(np.ptp(columns[name][one]) > 0 for name in more for one in each):
             return [stream]
         kinds = [len({*words}) for words in zip(*self._series, strict=True)]
+        kinds = [1 if i == self._unit else kind for i, kind in enumerate(kinds)]
         telling = sorted((i for i, kind in enumerate(kinds) if kind > 1), key=lambda i: kinds[i])
+        if len({tuple(words[i] for i in telling) for words in self._series}) < len(self._series):
+            return [stream]
         found = []
         for words, one in zip(self._series, each, strict=True):
             name = " ".join(words[i] for i in telling)  # a measurement before its fields
             kept = {time: columns[time][one], name: columns[self._value][one]}
             unit = {time: stream.units[time]} if time in stream.units else {}
+            unit |= {name: words[self._unit]} if self._unit >= 0 else {}
             found.append(replace(stream, columns=kept, units=unit, time=time, unreadable={}))
         return found
 

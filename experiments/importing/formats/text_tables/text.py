@@ -18,6 +18,7 @@ from experiments.importing.formats.text_tables.labelled import is_labelled, labe
 from experiments.importing.formats.text_tables.long_form import LongForm
 from experiments.importing.recording import (
     MAX_COLUMNS,
+    MIN_ROWS,
     TWICE,
     BadFileError,
     Stream,
@@ -72,6 +73,9 @@ def table_of(lines: Iterator[str], separators: Sequence[str] = SEPARATORS) -> li
     begin = list(islice(cells, PREAMBLE_LINES))
     width = Counter(map(len, begin)).most_common(1)[0][0]
     above = _named(_split(head[:first], separator), width)
+    cut = 0 if above else _rows_before_names(begin, width)
+    if cut:
+        above, begin, first = _named([begin[cut]], width), begin[cut + 1 :], first + cut + 1
     names, units = _header(above, width)
     commas = any("," in cell for row in begin for cell in row)
     found = [NumberColumn(name, commas=commas) for name in names]
@@ -94,6 +98,7 @@ def table_of(lines: Iterator[str], separators: Sequence[str] = SEPARATORS) -> li
     lost = count - read
     check_lost(lost, count, f"have not {width} cells")
     notes = (
+        *([f"lines before the names, left out: {cut}"] if cut else ()),
         *([f"lines without {width} cells, left out: {lost} of {count}"] if lost else ()),
         *([f"lines that name the columns again, left out: {again}"] if again else ()),
     )
@@ -224,8 +229,8 @@ def _without_headers(
     except ValueError:
         rows = []
     for at, row in enumerate(block, line + 1):
-        words = [] if any(map(_is_number, row)) else _named([row], width)
-        if not words or sum(any(map(str.isalpha, cell)) for cell in words[0]) <= width / 2:
+        words = _named([row], width) if _names_all(row, width) else []
+        if not words:
             rows.append(row)
         elif words[0] not in above:
             told = ", ".join(words[0])[:80]
@@ -234,6 +239,18 @@ def _without_headers(
                 f"({told}): make it two files"
             )
     return rows
+
+
+def _names_all(row: Sequence[str], width: int) -> bool:
+    """Whether most of a row of `width` cells are words, and none of it is a number."""
+    words = [] if any(map(_is_number, row)) else _named([row], width)
+    return bool(words) and sum(any(map(str.isalpha, c)) for c in words[0]) > width / 2
+
+
+def _rows_before_names(begin: Sequence[list[str]], width: int) -> int:
+    """How many of the first rows stand before a row of names, too few for a recording: a serial
+    port was opened before the board began anew."""
+    return next((i for i, row in enumerate(begin[:MIN_ROWS]) if _names_all(row, width)), 0)
 
 
 def _header(fitting: Sequence[list[str]], width: int) -> tuple[list[str], dict[str, str]]:
