@@ -11,27 +11,36 @@ from experiments.importing.units import canonical, quantity
 WORDS = {
     "time": "t time zeit tempo temps tiempo tid tijd timestamp stamp clock elapsed tout date "
     "datetime millis micros epoch datum uhrzeit zeitpunkt zeitstempel heure horodatage hora "
-    "fecha",
+    "fecha "
+    "czas zaman время 時間 時刻 时间",
     "ball": "xb yb obj object ball kugel palla bille balle bola bal kula marble sphere blob "
-    "centroid esfera balón bolita",
-    "place": "pos position lage ort point xy pv touch touchscreen touchpad",
+    "centroid esfera balón bolita "
+    "kulka kulki piłka piłki шар шарик мяч ボール 小球 球",
+    "place": "pos position lage ort point xy pv touch touchscreen touchpad "
+    "pozycja położenie konum положение позиция 位置 座標 坐标",
     "target": "target set setpoint sp ref des soll goal want wanted sollwert rif objetivo alvo "
-    "referência doel",
+    "referência doel "
+    "hedef 目標 目标 設定 设定",
     "angle": "angle theta servo tilt winkel alpha beta roll pitch arm phi platte plate "
     "plat actuator stepper brazo placa plateau servomotor rotation rotazione rotacion rotación "
-    "hoek plaat neigung platten pan",
+    "hoek plaat neigung platten pan "
+    "θ ϑ φ α β kąt serwo serwa açı угол серво сервопривод サーボ 舵机 舵機 角度 傾斜 倾角",
     "command": "cmd mv action out output ctrl control applied stellwinkel mando orden saida "
-    "saída uitgang pulse pulses pulsewidth impuls impulsion impulso pulso",
+    "saída uitgang pulse pulses pulsewidth impuls impulsion impulso pulso "
+    "komut komenda команда 指令 命令",
     "measured": "meas actual act ist enc feedback present state real fb joint imu mpu "
-    "inclinometer gemeten",
-    "voltage": "vm spannung tension tensión tensione tensao tensão spanning",
+    "inclinometer gemeten "
+    "実測 実際 实测 实际 测量 反馈",
+    "voltage": "vm spannung tension tensión tensione tensao tensão spanning "
+    "napięcie gerilim напряжение 電圧 电压",
     "share": "pwm duty dutycycle",
-    "current": "current amp amps strom stroom im corrente",
-    "speed": "speed vel omega gyro dot rpm tacho tach rate",
-    "derived": "filt est kalman kf pred hat lpf model sim",
+    "current": "current amp amps strom stroom im corrente prąd akım ток 電流 电流",
+    "speed": "speed vel omega gyro dot rpm tacho tach rate hız 速度",
+    "derived": "filt est kalman kf pred hat lpf model sim 滤波 フィルタ",
     "other": "error err fehler errore erro fout integral gain kp ki kd temperature temp battery "
     "loop fps count counter index frame id seq sequence nr covariance cov z reward done "
-    "torque effort force moment load current_draw trim bias vx vy xdot ydot mps mmps cmps",
+    "torque effort force moment load current_draw trim bias vx vy xdot ydot mps mmps cmps "
+    "błąd uchyb hata ошибка 誤差 误差",
     "motor": "motor",
     "session": "run trial session episode take versuch lauf durchgang essai prueba ensayo prova",
     "likelihood": "likelihood likelihoods conf confidence confidences score scores prob probs "
@@ -46,13 +55,13 @@ WORDS = {
 _ROLES = {word: role for role, words in WORDS.items() for word in words.split()}
 STEMS = {  # of words that languages end in many ways
     "command": "comand command kommand mandad stell actuat attuat angesteuert",
-    "measured": "measur gemess mesur misur medid rilev encoder",
-    "target": "sollw consign desir desej desead gewens refer rifer",
+    "measured": "measur gemess mesur misur medid rilev encoder zmierz ölçül измерен",
+    "target": "sollw consign desir desej desead gewens refer rifer zadan задан",
     "ball": "kugel pelot pallin",
     "place": "posi",
     "angle": "angol angul ángul ângul neigung inclin kipp winkel",
-    "derived": "estim filter filtr smooth predict",
-    "speed": "veloc geschwind vitess snelh",
+    "derived": "estim filter filtr smooth predict фильтр",
+    "speed": "veloc geschwind vitess snelh prędko скорост",
     "voltage": "volt spannung",
 }
 FLAGS = {"seen", "unseen"}  # that there was a ball, or none
@@ -75,16 +84,22 @@ STATED = "{} [seen]"  # the name of such a column, as of 1 and 0
 _AXES = {
     **dict.fromkeys(("x", "1", "u", "cx", "xb", "bx", "px"), "x"),
     **dict.fromkeys(("y", "2", "v", "cy", "yb", "by", "py"), "y"),
-    **dict.fromkeys(("roll", "alpha"), "x"),
-    **dict.fromkeys(("pitch", "beta"), "y"),
+    **dict.fromkeys(("roll", "alpha", "α"), "x"),
+    **dict.fromkeys(("pitch", "beta", "β"), "y"),
 }
 PLAIN = {"x", "y", "cx", "cy", "bx", "by", "px", "py"}
 SEEN_AS = {"real", "act", "actual", "ist", "meas", "measured", "gemessen"}  # x and y of the ball
-PLAIN_UNITS = {"deg", "degrees", "rad", "radians", "mm", "cm", "ms", "us", "volts", "px"}
-CLEAR_ANGLE = "angle theta tilt alpha beta roll pitch phi".split()
+PLAIN_UNITS = {
+    *"deg degrees rad radians mm cm ms us volts px derece stopnie град рад мм см мс".split()
+}
+CLEAR_ANGLE = "angle theta tilt alpha beta roll pitch phi θ ϑ α β φ".split()
 _POSITION = {"position", "pos"}
 _QUATERNION = ("x", "y", "z", "w")
 _NUMBERING = {"number", "num", "no", "nr", "id", "index", "idx"}
+_IDEOGRAPHS = "\u3040-\u30ff\u4e00-\u9fff"  # and kana: words without a space between them
+_UNSPACED = re.compile(
+    "|".join(sorted((w for w in _ROLES if re.match(f"[{_IDEOGRAPHS}]", w)), key=len, reverse=True))
+)
 _BRACKETS = re.compile(r"[\[({<]\s*([^\])}>]{1,12})\s*[\])}>]")
 _SIZED = re.compile(r"(.*?)([\s_]*([(\[{<])?[*x·×/]\s*)?(10+)(?(3)[\])}>])\s*")
 
@@ -191,9 +206,11 @@ def _role_of(word: str) -> str | None:
 
 def words_of(name: str) -> list[str]:
     """Lower-case words of a name: at capitals, digits, and whatever is no letter."""
-    name = re.sub(r"([a-zß-ÿ])([A-ZÀ-Þ])", r"\1 \2", name)
-    name = re.sub(r"(?<=[A-Za-zÀ-ÿ])(?=\d)|(?<=\d)(?=[A-Za-zÀ-ÿ])", " ", name)
-    words = [word.lower() for word in re.split(r"[^A-Za-zÀ-ÿ0-9°%µμ]+", name) if word]
+    name = re.sub(r"([a-zß-ÿа-яё])([A-ZÀ-ÞА-ЯЁ])", r"\1 \2", name)
+    name = re.sub(r"(?<=[^\W\d_])(?=\d)|(?<=\d)(?=[^\W\d_])", " ", name)
+    name = re.sub(f"(?<=[{_IDEOGRAPHS}])(?=[A-Za-z])|(?<=[A-Za-z])(?=[{_IDEOGRAPHS}])", " ", name)
+    name = _UNSPACED.sub(r" \g<0> ", name)
+    words = [word.lower() for word in re.split(r"(?:[^\w°%]|_)+", name) if word]
     return [word for one in words for word in _parts(one)]
 
 
@@ -224,8 +241,8 @@ def _unit_at_end(name: str, words: list[str]) -> str | None:
             return unit
     if len(words) < 2:
         return canonical(words[0]) if words and len(words[0]) > 1 else None
-    last = re.split(r"[^A-Za-z0-9°%µμ]+", name.strip())[-1]
-    if last in ("V", "A", "m", "s") or len(words[-1]) > 1 or not words[-1].isalpha():
+    last = re.split(r"(?:[^\w°%]|_)+", name.strip())[-1]
+    if last in ("V", "A", "m", "s", "м", "с") or len(words[-1]) > 1 or not words[-1].isalpha():
         return canonical(last) if not words[-1].isdigit() else None
     return None
 

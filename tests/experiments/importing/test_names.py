@@ -64,3 +64,25 @@ def test_a_bare_set_is_the_balls_target():
     """`setX` was a commanded angle, beside `servo1` then taken for the measured one."""
     assert hint("setX").role == hint("x_set").role == "target"
     assert hint("set_angle_x_deg").role == hint("servo_x_set").role == "command"
+
+
+@pytest.mark.parametrize(
+    ("names", "roles", "unit"),
+    [
+        (("時間[ms]", "ボールX[mm]", "目標X[mm]", "サーボX指令[度]", "実測角度X[度]"), 5, "deg"),
+        (("时间(s)", "小球X(mm)", "目标X(mm)", "舵机X指令(rad)", "实测角度X(rad)"), 5, "rad"),
+        (("Время, с", "Шар X, мм", "Задание X, мм", "Угол серво X (задание), град"), 4, "deg"),
+        (("czas [s]", "kulka X [mm]", "wartość zadana X [mm]", "kąt zadany serwa X [°]"), 4, "deg"),
+        (("zaman(ms)", "top_x(mm)", "hedef_x(mm)", "servo_x_komut(derece)"), 4, "deg"),
+    ],
+)
+def test_names_in_other_letters(names: tuple[str, ...], roles: int, unit: str):
+    found = [hint(name) for name in names]
+    assert [one.role for one in found] == ["time", "ball", "target", "command", "theta"][:roles]
+    assert [one.axis for one in found] == [None, *["x"] * (roles - 1)]
+    assert [one.unit for one in found[1:4]] == ["mm", "mm", unit]
+
+
+@pytest.mark.parametrize("name", ["温度", "X軸", "скорость X, м/с", "θ_x"])
+def test_other_letters_that_are_no_ball(name: str):
+    assert hint(name).role != "ball"
