@@ -12,6 +12,7 @@ from experiments.importing.signs import clear_answer
 from experiments.importing.units import factor, family
 
 SAME_ANGLE = (0.5, 2.0)  # chosen: a servo's scale is off by less; a linkage divides by 3 and more
+COUPLED = 0.3  # the most that `rig gap` may name; a lag on a circle looks like half of it
 ARMS = ({"1", "2", "3"}, {"0", "1", "2"}, {"a", "b", "c"})  # how three that are alike are told
 
 
@@ -69,19 +70,28 @@ def _size(draft: Draft, name: str) -> float | None:
     return factor(keys["unit"], name) or keys.get("scale")
 
 
-def refuse_turned(found: Mapping[str, Mapping[str, Response]], columns: Mapping[str, str]) -> None:
+def refuse_turned(
+    draft: Draft, found: Mapping[str, Mapping[str, Response]], columns: Mapping[str, str]
+) -> None:
     """Refuse a plate that is turned against the ball's axes (axis -> column -> response), of which
-    none is one servo's. ValueError: two angles surely move the ball along one axis alike."""
+    none is one servo's; tell one that is turned a little, or coupled. ValueError: two angles surely
+    move the ball along one axis alike."""
     for axis, each in found.items():
-        both = sorted(
-            (c for c in columns.values() if c in each and each[c].sure),
-            key=lambda c: -each[c].share,
-        )
-        if len(both) == 2 and clear_answer(each) is None:
-            gains = [abs(each[c].gain) for c in both]
+        own = [c for c in columns.values() if c in each and each[c].low * each[c].high > 0]
+        both = sorted(own, key=lambda c: -each[c].share)
+        if len(both) != 2:
+            continue
+        gains = [abs(each[c].gain) for c in both]
+        about = f"{degrees(atan(gains[1] / gains[0])):.0f} degrees"
+        if clear_answer(each) is None and all(each[c].sure for c in both):
             raise ValueError(
                 f"{both[0]} and {both[1]} both move the ball along {axis}, by {gains[0]:.3g} and "
-                f"{gains[1]:.3g} for each unit: the servos' axes are turned by about "
-                f"{degrees(atan(gains[1] / gains[0])):.0f} degrees against the ball's columns; "
-                "turn these (x cos a + y sin a, y cos a - x sin a) and import again"
+                f"{gains[1]:.3g} for each unit: the servos' axes are turned by about {about} "
+                "against the ball's columns; turn these (x cos a + y sin a, y cos a - x sin a) and "
+                "import again"
             )
+        if gains[1] > COUPLED * gains[0]:
+            told = (
+                f"{both[1]} moves the ball along {axis}, too: coupled, or turned by about {about}"
+            )
+            draft.because("angle", told)

@@ -69,7 +69,7 @@ def propose(stream: Stream, said: Stated | None = None) -> Proposal:
     doubt_what_is_missing(draft, ball, angles, volts)
     for kind, columns in kinds.items():
         found = answers(draft, seen, columns)
-        refuse_turned(found, columns)
+        refuse_turned(draft, found, columns)
         angles = followed(draft, kinds["theta"], columns) if kind != "theta" in kinds else {}
         answered = pair(draft, kind, columns, found, angles)
         paired = {axis: draft.signals[NAMES[kind].format(axis)]["column"] for axis in answered}

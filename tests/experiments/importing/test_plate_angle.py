@@ -56,6 +56,13 @@ def test_servos_on_the_diagonals_are_no_axis_of_the_ball_whatever_is_stated(said
         propose(stream(table(45.0), "ball", "servo"), stated(said))
 
 
+@pytest.mark.parametrize(("turned_deg", "told"), [(0.0, False), (20.0, True)])
+def test_a_plate_that_is_turned_a_little_is_told(turned_deg: float, told: bool):
+    found = propose(stream(table(turned_deg), "ball", "servo"))
+    assert not found.doubts
+    assert any("turned by about" in reason for reason in found.reasons["angle"]) == told
+
+
 @pytest.mark.parametrize("named", ["servo{}_deg", "servo_{}_cmd_deg"])
 def test_three_arms_are_no_axes_and_a_ball_alone_has_the_unit_of_its_name(named: str):
     columns = table()
