@@ -45,8 +45,8 @@ def doubt_plate_angle(
     theta: Mapping[str, str],
     command: Mapping[str, str],
 ) -> None:
-    """Doubt measured angles (axis -> column) that go another way than the servo's command: one
-    log has one angle an axis. followed: axis -> command's column -> response (of
+    """Doubt the lesser of a measured and a commanded angle (axis -> column) that are not of one
+    thing: one log has one angle an axis. followed: axis -> command's column -> response (of
     `signs.followed`)."""
     for axis, column in theta.items():
         names = NAMES["theta"].format(axis), NAMES["command"].format(axis)
@@ -55,10 +55,13 @@ def doubt_plate_angle(
         if one is None or own is None or told is None:
             continue
         ratio = abs(one.gain) * own / told
-        if not SAME_ANGLE[0] <= ratio <= SAME_ANGLE[1]:
-            why = f"{column} turns {ratio:.2g} rad for each of {command[axis]}"
-            why += ", as the plate's own tilt does and a servo's angle does not: leave it out"
-            draft.doubt([names[0]], "column", why, "none", column)
+        if SAME_ANGLE[0] <= ratio <= SAME_ANGLE[1]:
+            continue
+        name, tilt = (names[0], column) if ratio < 1 else (names[1], command[axis])
+        why = f"{column} turns {ratio:.2g} rad for each radian of {command[axis]}: {tilt} "
+        draft.doubt(
+            [name], "column", f"{why}is the plate's own tilt, say: leave it out", "none", tilt
+        )
 
 
 def _size(draft: Draft, name: str) -> float | None:

@@ -82,16 +82,26 @@ def _of_pandas(whole: Any) -> Any:
     names, rows = whole.get("columns"), whole.get("data")
     if isinstance(names, list) and isinstance(rows, list) and _is_table(rows, len(names)):
         pairs = zip(map(str, names), map(list, zip(*rows, strict=True)), strict=True)
-        return once_each([("index", whole.get("index")), *pairs])
+        return once_each([_index(whole.get("index")), *pairs])
     parts = list(whole.values())
     if not all(isinstance(part, dict) and part.keys() == parts[0].keys() for part in parts):
         return whole
-    if len(parts) >= MIN_ROWS and not any(map(_is_nested, parts)) and _are_numbers(whole):
-        return [{"index": float(key), **part} for key, part in whole.items()]
-    if parts and len(parts[0]) >= MIN_ROWS and _are_numbers(parts[0]):
-        index = [float(key) for key in parts[0]]
-        return {"index": index} | {name: list(part.values()) for name, part in whole.items()}
+    if len(parts) >= MIN_ROWS and not any(map(_is_nested, parts)) and _is_index(whole):
+        name, rows = _index([*whole])
+        return [{name: at, **part} for at, part in zip(rows, parts, strict=True)]
+    if parts and len(parts[0]) >= MIN_ROWS and _is_index(parts[0]):
+        return dict([_index([*parts[0]])]) | {k: [*part.values()] for k, part in whole.items()}
     return whole
+
+
+def _index(rows: Any) -> tuple[str, Any]:
+    """Name and values of a table's index: whatever does not number the rows is their time."""
+    if not isinstance(rows, list) or not _is_index(rows):
+        return "index", None
+    if not all(is_number(str(row)) for row in rows):
+        return "time", [str(row) for row in rows]
+    numbers = [float(row) for row in rows]
+    return "index" if numbers == [*map(float, range(len(rows)))] else "time", numbers
 
 
 def _is_table(rows: Sequence[Any], width: int) -> bool:
@@ -102,8 +112,10 @@ def _is_nested(part: Mapping[str, Any]) -> bool:
     return any(isinstance(value, dict | list) for value in part.values())
 
 
-def _are_numbers(names: Iterable[str]) -> bool:
-    return all(map(is_number, names))
+def _is_index(rows: Iterable[Any]) -> bool:
+    """Whether these are numbers, or all of them times of day."""
+    words = [str(row) for row in rows]
+    return all(map(is_number, words)) or all(map(is_clock, words))
 
 
 def _read(read: Callable[[], T]) -> T:

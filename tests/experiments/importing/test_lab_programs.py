@@ -37,6 +37,19 @@ def test_a_table_as_pandas_writes_json(tmp_path: Path, whole: dict):
     np.testing.assert_allclose(columns["index"], np.arange(60))
 
 
+@pytest.mark.parametrize("stamps", ["ms", "iso"])
+def test_an_index_that_does_not_count_is_the_time(tmp_path: Path, stamps: str):
+    keys = [1714642200000 + 20 * i for i in range(60)]
+    if stamps == "iso":
+        keys = [f"2024-05-02T09:30:{i / 50:06.3f}" for i in range(60)]
+    whole = {"ball_x_mm": dict(zip(map(str, keys), X, strict=True))}
+    (tmp_path / "df.json").write_text(json.dumps(whole))
+    stream = read_recording(tmp_path / "df.json").stream
+    assert [*stream.columns] == ["time", "ball_x_mm"]
+    step = 20.0 if stamps == "ms" else 0.02
+    np.testing.assert_allclose(np.diff(stream.columns["time"]), step, rtol=1e-4)
+
+
 def test_a_json_object_with_other_parts_stays_what_it_is(tmp_path: Path):
     path = tmp_path / "own.json"
     path.write_text(json.dumps({"ball": {"x": X.tolist(), "t": T.tolist()}, "note": {"by": "me"}}))

@@ -38,10 +38,21 @@ def test_a_plates_own_tilt_is_not_taken_for_the_angle_that_its_servo_is_told():
     doubts = {d.place: d for d in propose(columns).doubts}
     assert {"theta_x_rad", "theta_y_rad"} <= doubts.keys()
     assert doubts["theta_x_rad"].options == ("none", "imu_pitch_deg")
-    assert "turns 0.17 rad for each of servo_a_cmd_deg" in doubts["theta_x_rad"].why
+    assert "turns 0.17 rad for each radian of servo_a_cmd_deg" in doubts["theta_x_rad"].why
     found = propose(columns, stated(["theta_x_rad.column=none", "theta_y_rad.column=none"]))
     assert not found.doubts
     assert {*found.draft["signals"]} == {"ball_x_m", "ball_y_m", "command_x_rad", "command_y_rad"}
+
+
+def test_a_commanded_tilt_is_left_out_beside_the_angle_of_the_servo():
+    columns = table()
+    for axis, told, tilt in (("x", "a", "pitch"), ("y", "b", "roll")):
+        columns[f"theta_meas_{axis}_deg"] = columns[f"imu_{tilt}_deg"] / RATIO
+        columns[f"tilt_cmd_{axis}_deg"] = RATIO * columns[f"servo_{told}_cmd_deg"]
+    doubts = propose(stream(columns, "ball", "theta", "tilt")).doubts
+    assert [d.option for d in doubts] == [
+        f"--set command_{axis}_rad.column=none or tilt_cmd_{axis}_deg" for axis in "xy"
+    ]
 
 
 def test_a_measured_angle_in_the_commands_scale_is_its_servos():
