@@ -53,14 +53,14 @@ class Draft:
         return key in self.said.get(name, {})
 
     def doubt(self, names: list[str], key: str, why: str, *options: str) -> None:
-        """Ask for a key of the signals `names` (of one family, or one), unless all is said."""
+        """Ask for a key of the signals `names` (of one family, or one), unless all is said or
+        it is asked already."""
         names = [name for name in names if not self.is_said(name, key)]
         if not names:
             return
         place = names[0] if len(names) == 1 else family(names[0])
-        one = Doubt(place, key, why, options)
-        if one not in self.doubts:
-            self.doubts.append(one)
+        if all((one.place, one.key) != (place, key) for one in self.doubts):
+            self.doubts.append(Doubt(place, key, why, options))
 
     def because(self, line: str, reason: str) -> None:
         """Keep a reason for a line of the report."""

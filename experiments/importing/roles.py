@@ -20,6 +20,7 @@ COARSEST = 1 / 1000  # of rows, those with a new stamp of whole seconds; chosen:
 FINE, RENEWED = 0.5, 0.02
 MIN_GROWING = 0.95  # share of steps forwards from which a column may be a clock
 OPEN = (None, "ball", "target", "other")  # of a column, where somebody said that it is an angle
+NO_PLACES = ("other", "target")  # a column of errors, say, follows the ball the other way round
 NAMES = {
     "ball": "ball_{}_m",
     "target": "target_{}_m",
@@ -282,7 +283,13 @@ def doubt_what_is_missing(
             raise BadFileError(
                 f"no column can be the ball's place: none is left that changes{never}"
             )
-        options = [*(unknown or free)[:8], *(["none"] if servo else [])]
+        places = [name for name in free if draft.hints[name].role not in NO_PLACES]
+        if not unknown and not places:
+            raise BadFileError(
+                f"no column can be the ball's place: {', '.join(free[:4])} are none by their "
+                "names; a log needs it (--set ball_x_m.column=NAME, if one is)"
+            )
+        options = [*(unknown or places)[:8], *(["none"] if servo else [])]
         why = "no column is the ball's place by its name"
         draft.doubt(["ball_x_m"], "column", why, *options)
     elif len(ball) == 1 and (able := [n for n in free if belongs(n, ball.values())] + unknown):

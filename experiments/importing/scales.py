@@ -13,7 +13,7 @@ from experiments.importing.draft import Draft
 from experiments.importing.relations import Response
 from experiments.importing.roles import NAMES
 from experiments.importing.signs import Answer
-from experiments.importing.units import factor, quantity
+from experiments.importing.units import SCALED, factor, quantity
 
 # k g 2 arm/side, k = 5/7 and 3/5, by the keys of the section [linkage] of the rig file.
 EXPECTED = "by a rig file about 14.0 arm_radius_m / plate_side_m, 11.8 with a hollow ball"
@@ -79,7 +79,7 @@ def settle_units(
         told_units = (b_said, ball_names, ball), (a_said, angle_names, angles)
         _doubt_named(draft, gain, *told_units, answers)
     if ball and not b_said and not _sure_ball(draft, fitting, answers, ball_names, angle_names):
-        usual = ("m", "cm", "mm", "px")
+        usual = ("m", "cm", "mm", "px", *(["1"] if _may_be_shares(draft, ball) else []))
         _doubt_unnamed(draft, ball_names, ball, *(b for b, _ in fitting), *usual)
     clear = all(draft.hints[column].clear for column in angles.values())
     if angles and not a_said and not (told and clear and len({a for _, a in fitting}) == 1):
@@ -103,6 +103,12 @@ def _doubt_unnamed(
     """Ask for a unit that no name says; options: the likeliest first."""
     why = f"the unit of {', '.join(columns.values())} is not in the name"
     draft.doubt(list(names.values()), "unit", why, *dict.fromkeys(options))
+
+
+def _may_be_shares(draft: Draft, ball: Mapping[str, str]) -> bool:
+    """Whether the ball's places (axis -> column) may be shares, up to 1, of a picture."""
+    most = [float(np.nanmax(np.abs(draft.values(column)))) for column in ball.values()]
+    return all(TILT_SPAN_M < one <= 1.0 for one in most)
 
 
 def _followers_unit(
@@ -174,7 +180,8 @@ def settle_scale(draft: Draft, names: Sequence[str], unit: str) -> None:
         if factor(unit, name) is None and not draft.is_said(name, "scale"):
             if unit == "px" and "calibration" in draft.said.get("", {}):
                 continue
-            what = f"{'m' if name[:4] in ('ball', 'targ') else 'rad'} in one {unit}"
+            whole = "whole" if unit == "1" else unit
+            what = f"{'m' if name[:4] in ('ball', 'targ') else 'rad'} in one {whole}"
             if name.startswith("voltage"):
                 what = "volts of the supply" if "1" in unit else "volts in one count"
             hint = {
@@ -199,7 +206,7 @@ def _named(draft: Draft, names: Mapping[str, str], columns: Mapping[str, str]) -
     fits = []
     for unit in found:
         if unit is None or (quantity(unit) is None and unit != "us" and "/" not in unit):
-            if unit == "counts":
+            if unit in SCALED:
                 fits.append(unit)
             continue
         try:
@@ -278,7 +285,8 @@ def _sure_ball(
     if the gain were more than a linkage's, but is not that of a plate's own tilt within
     TILT_SPAN_M.
     """
-    if {b for b, _ in fitting} != {"m"} or len(fitting) != 1:
+    columns = {axis: draft.signals[name]["column"] for axis, name in ball_names.items()}
+    if {b for b, _ in fitting} != {"m"} or len(fitting) != 1 or _may_be_shares(draft, columns):
         return False
     for axis, answer in answers.items():
         if answer is None or axis not in ball_names:
@@ -288,7 +296,7 @@ def _sure_ball(
             return False
         gain = abs(answer.response.gain) / a
         own_tilt = any(abs(gain / tilt - 1) <= TILT_TOLERANCE for tilt in TILT_GAINS)
-        own_tilt &= _span(draft.values(draft.signals[ball_names[axis]]["column"])) <= TILT_SPAN_M
+        own_tilt &= _span(draft.values(columns[axis])) <= TILT_SPAN_M
         if gain > LINKAGE_GAIN and not own_tilt:
             return False
     return bool(answers)

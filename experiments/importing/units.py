@@ -52,6 +52,7 @@ _SPELLED = {
     "A": "a amp amps ampere amperes",
     "mA": "ma milliamp milliamps",
     "counts": "counts count cnt ticks tick steps lsb raw adc",
+    "1": "norm normalized normalised normiert",
     "1/100": "% percent pct",
 }
 _NAMED = {spelling: unit for unit, spellings in _SPELLED.items() for spelling in spellings.split()}

@@ -118,3 +118,9 @@ def test_a_clock_that_stands_still_is_no_coarse_one():
 def test_a_signed_counter_goes_on_at_its_lowest():
     ticks = (np.arange(32000, 33600, 20.0) + 2**15) % 2**16 - 2**15
     np.testing.assert_allclose(np.diff(growing_on(ticks, (2.0**16,))), 20)
+
+
+def test_milliseconds_behind_a_colon():
+    assert clock_seconds("09:59:50:020") == pytest.approx(35990.02)
+    frames = "09:59:50:02"  # of a film, of which nobody knows how many a second has
+    assert np.isnan(clock_seconds(frames))

@@ -5,7 +5,7 @@ import pytest
 
 from experiments.importing.draft import Proposal
 from experiments.importing.proposal import propose
-from experiments.importing.recording import Stream
+from experiments.importing.recording import BadFileError, Stream
 from tests.support.strangers.bench import Run, run
 
 DEGREE = np.pi / 180
@@ -88,3 +88,35 @@ def test_days_of_a_spreadsheet_are_a_clock():
     tilt = {"pitch_meas_deg": it.theta_rad[:, 0] / DEGREE, "roll_meas_deg": it.theta_rad[:, 1]}
     stream = {"stamp": 44210.5 + it.t_s / 86400, "x_m": it.ball_m[:, 0], "y_m": it.ball_m[:, 1]}
     assert propose(Stream({**stream, **tilt})).draft["time"]["unit"] == "day"
+
+
+def test_what_is_open_is_asked_once():
+    """Two balls were asked about twice in one line, each time among other columns."""
+    second = {f"ball2_{axis}_mm": RNG.normal(size=len(LINKED.t_s)) for axis in "xy"}
+    asked = proposed(in_degrees(90.0, "cmd_x_deg", "cmd_y_deg") | second, ball="ball1_{}_mm").doubts
+    places = [(doubt.place, doubt.key) for doubt in asked]
+    assert ("ball_x_m", "column") in places
+    assert len({*places}) == len(places)
+
+
+def shared(whole_m: float) -> dict[str, np.ndarray]:
+    return {f"ball_{axis}": LINKED.ball_m[:, k] / whole_m + 0.5 for k, axis in enumerate("xy")}
+
+
+@pytest.mark.parametrize("named", ["ball_{}_norm", "ball_{}"])
+def test_shares_of_a_picture_are_not_metres_though_a_linkage_could_do_that(named: str):
+    """Metres from a corner, with a gain like a linkage's: only the centre was asked for."""
+    columns = {named.format(k[-1]): v for k, v in shared(0.4).items()}
+    angles = in_degrees(0.0, "servo_x_cmd_deg", "servo_y_cmd_deg")
+    asked = options(propose(Stream({"t_sec": LINKED.t_s, **columns, **angles})))
+    if "norm" in named:
+        assert "--set ball.scale=NUMBER" in asked
+    else:
+        assert any(one.startswith("--set ball.unit=m") and one.endswith("or 1") for one in asked)
+
+
+def test_errors_and_targets_are_not_offered_as_the_balls_place():
+    error = {f"error_{axis}_mm": -1e3 * LINKED.ball_m[:, k] for k, axis in enumerate("xy")}
+    angles = in_degrees(0.0, "servo_x_cmd_deg", "servo_y_cmd_deg")
+    with pytest.raises(BadFileError, match="error_x_mm, error_y_mm are none by their names"):
+        propose(Stream({"t_sec": LINKED.t_s, **error, **angles}))

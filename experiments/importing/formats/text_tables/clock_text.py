@@ -10,7 +10,7 @@ LONGEST = 64  # characters; chosen: a date, a time to the nanosecond and a zone 
 _SPAN = re.compile(r"(\d+(?:[.,]\d+)?(?:e[-+]?\d+)?)\s*([a-zµμ]+)")
 _CLOCK = re.compile(
     r"(?:(\d{4}-\d\d-\d\d)[T ]|\d{1,4}[./-]\d{1,2}[./-]\d{1,4},?\s+|(\d+) days?,? )?"
-    r"(\d{1,2}):(\d\d):(\d\d(?:[.,]\d+)?)\s*([AaPp][Mm])?\s*"
+    r"(\d{1,2}):(\d\d):(\d\d(?:[.,]\d+|:\d{3})?)\s*([AaPp][Mm])?\s*"
     r"(?:Z|UTC|([+-]\d\d):?(\d\d))?"
 )
 
@@ -56,4 +56,4 @@ def clock_seconds(cell: str) -> float:
     if zone_hours:
         east = 60 * abs(int(zone_hours)) + int(zone_minutes)
         since -= 60 * east * (-1 if zone_hours[0] == "-" else 1)
-    return since + 3600 * hour + 60 * int(minutes) + float(seconds.replace(",", "."))
+    return since + 3600 * hour + 60 * int(minutes) + float(re.sub("[,:]", ".", seconds))
