@@ -130,8 +130,8 @@ def held_rows(columns: list[np.ndarray], seconds: np.ndarray) -> tuple[int, bool
     """From how many known rows on a place that stays is one that the detector holds while the ball
     is lost, 0 where it holds none; and if that is sure.
 
-    Such places are several, the ball rolls to each, and jumps from it. Not sure: it rolls from
-    most, as a ball that rests, which coarse readings show as still.
+    Such places are several, the ball rolls to each, and jumps from it. Not sure: there is one, or
+    it rolls from most, as a ball that rests, which coarse readings show as still.
     """
     stays = _stays(columns, seconds)
     if len(stays.rows) < 10:
@@ -146,9 +146,10 @@ def held_rows(columns: list[np.ndarray], seconds: np.ndarray) -> tuple[int, bool
     come = long & (into <= usual)
     left = (out > FAR * usual) & (out > SUDDEN * _steps_about(stays, long)[:, 1])
     held, rests = come & left, come & (out <= NEAR * usual)
-    if len(np.unique(stays.place[held], axis=0)) < 2:
+    if not held.any():
         return 0, True
-    return least, bool(held.sum() > rests.sum())
+    several = len(np.unique(stays.place[held], axis=0)) > 1
+    return least, several and bool(held.sum() > rests.sum())
 
 
 def _stuck(stays: _Stays, here: np.ndarray) -> float:

@@ -96,6 +96,15 @@ def test_places_that_are_held_beside_more_at_which_it_rests_are_asked_for():
     assert held_rows(columns, SECONDS)[1] is False
 
 
+def test_one_place_that_is_held_is_asked_about_as_such():
+    """It was asked about as a code, which leaves in the places that are held for less."""
+    columns = [place(seed) for seed in (5, 6)]
+    for values in columns:
+        values[600:740] = values[600]
+    assert held_rows(columns, SECONDS) == (10, False)
+    assert gone(columns, held=10).sum() == 139
+
+
 @pytest.mark.parametrize("frame", [1, 3])
 @pytest.mark.parametrize("speed", [5, 15])
 def test_a_ball_that_is_pushed_again_and_again_is_a_ball(frame: int, speed: int):
