@@ -95,9 +95,8 @@ def investigate(
     report("baseline", 0, 1)
     still, slow = begun(runs)
     if again := sum(run.repeats for run in runs):
-        notes += (
-            f"left out: {again} frames that repeat a place to the last digit, unlike a ball's",
-        )
+        lost = "as of a tracker that lost the ball"
+        notes += (f"left out: {again} frames that repeat a place to the last digit, {lost}",)
     if wild := sum(run.outliers for run in runs):
         notes += (f"left out: {wild} frames in which the ball cannot have been where it was told",)
     notes += tuple(f"{p.replace('_', ' ')} only creeps: its volts are not judged" for p in slow)
