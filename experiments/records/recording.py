@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from experiments.records import unforked
 from experiments.records.run_folder import (
     nanoseconds,
     new_run_folder,
@@ -59,9 +60,6 @@ __all__ = ["Recorder", "Run", "new_run_folder", "read_run", "recover", "write_ru
 LONGEST_SAMPLES = 1 << 32  # bytes; chosen: three hours at 1 kHz, uncompressed
 LOCK_S = 1.0  # chosen: who asks has the lock for a millisecond, on a busy machine for ten
 DISK_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-_OPEN: set[int] = set()  # files of recorders
-if hasattr(os, "register_at_fork"):  # else a copy, as a lab's class makes one, would keep the lock
-    os.register_at_fork(after_in_child=lambda: [os.closerange(one, one + 1) for one in _OPEN])
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,12 +113,12 @@ class Recorder:
         reserve(self.folder / "run.json")
         flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
         self._file = os.open(self.folder / "samples.mcap", flags, 0o644)
-        _OPEN.add(self._file)
+        unforked.keep_to_itself(self._file)
         try:
             _lock_soon(self._file, self.folder)
             self._write(opening())
         except OSError:
-            self._close()
+            unforked.close(self._file)
             raise
 
     def append(self, row: np.ndarray) -> None:
@@ -183,13 +181,9 @@ class Recorder:
             if not ended:  # on a full disk the older run.json has made room for it
                 self._end_file()
         finally:
-            self._close()
+            unforked.close(self._file)
         with suppress(OSError):
             self._compress()
-
-    def _close(self) -> None:
-        _OPEN.discard(self._file)
-        os.close(self._file)
 
     def _end_file(self) -> bool:
         """Whether the samples could be given their ending; without it the rows are readable too."""
