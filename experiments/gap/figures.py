@@ -265,7 +265,7 @@ def shrinking(steps: Sequence[Step]) -> Figure:
     axis.set_ylabel("gap [noise floors]")
     axis.grid(axis="x", visible=False)
     axis.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=5, frameon=False)
-    _make_room(axis)
+    _make_room(figure, axis)
     return figure
 
 
@@ -274,9 +274,9 @@ def _three_digits(gap: float) -> str:
     return f"{gap:.2f}" if gap < 10 else f"{gap:.1f}" if gap < 100 else f"{gap:.0f}"
 
 
-def _make_room(axis: Axes) -> None:
+def _make_room(figure: Figure, axis: Axes) -> None:
     """Raise the upper end of an axis of values until the texts above its bars lie inside."""
-    axis.figure.draw_without_rendering()  # places the axis and measures the texts
+    figure.draw_without_rendering()  # places the axis and measures the texts
     frame, scale = axis.get_window_extent(), axis.yaxis.get_transform()
     low, high = scale.transform(axis.get_ylim())
     for text in axis.texts:
