@@ -3,7 +3,9 @@
 Where a camera's readings are coarse, in whole pixels or millimetres, a ball at rest is told at one
 place for long, and a ball that moves slowly comes back to places that it had: of those that are
 told FEWEST times in a row or less, more than COMING_BACK are told again at another time. Elsewhere
-noise makes each reading a new one, and more of one place in a row are no readings.
+noise makes each reading a new one, and more of one place in a row are no readings: unless a ball
+without noise, as a simulator tells it, comes to rest there and leaves by less than STARTS of the
+usual way from a place to the next.
 """
 
 import numpy as np
@@ -12,6 +14,8 @@ import numpy as np
 # at rest is told so often in a row once in 2000 frames.
 FEWEST = 4
 COMING_BACK = 0.01  # share; chosen: of readings a tenth of the noise apart it is less by far
+
+STARTS = 0.1  # share; chosen: of a ball that starts at 0.5 m/s2 and usually rolls at 50 mm/s
 
 
 def repeats(ball_m: np.ndarray) -> np.ndarray:
@@ -30,6 +34,8 @@ def _told_again(places_m: np.ndarray) -> np.ndarray:
     told = np.diff(np.append(begin, n))  # times in a row
     seldom = places_m[begin][told <= FEWEST]
     again = len(seldom) - len(np.unique(seldom, axis=0))
-    if not len(seldom) or again > COMING_BACK * len(seldom):
+    if len(begin) < 2 or not len(seldom) or again > COMING_BACK * len(seldom):
         return np.zeros(n, bool)
-    return np.repeat(told > FEWEST, told)
+    ways = np.linalg.norm(np.diff(places_m[begin], axis=0), axis=1)
+    ends = np.maximum(np.append(0.0, ways), np.append(ways, 0.0))  # the longer of to and from each
+    return np.repeat((told > FEWEST) & (ends > STARTS * np.median(ways)), told)

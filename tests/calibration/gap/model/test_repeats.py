@@ -49,6 +49,17 @@ def test_a_ball_at_rest_is_read_however_coarse_the_camera(step_m, seed):
     assert not repeats(aside / (1.0 + 0.01 * aside[:, :1])).any()
 
 
+def test_a_ball_without_noise_may_rest_along_one_axis_or_both():
+    """A step along x, then one along y, as a simulator without noise records them."""
+    t = np.arange(0.0, 12.0, 0.02)
+    ball = np.column_stack([0.1 * (1.0 - np.cos(np.clip(t - b, 0.0, np.pi))) for b in (1.0, 6.0)])
+    assert not repeats(ball).any()
+    assert not repeats(np.round(ball, 7)).any()
+    lost = (t > 2.0) & (t < 3.0)
+    ball[lost] = ball[lost][0]
+    assert repeats(ball)[lost].all()
+
+
 def test_few_places_are_left_alone():
     assert not repeats(np.zeros((400, 2))).any()
     for n in range(7):
