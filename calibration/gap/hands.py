@@ -13,8 +13,8 @@ The rest was chosen by the misfit of a model, and may hold what a hand did befor
 pushes that were seen. A name that the whole did not tell is certain only if it holds where hands
 were farthest. On the half of the rest's exposures that lie farthest from any push, fitted and
 predicted on them alone, the ball has to be predicted better 1 s ahead with it than without, for
-certain. And a hand must not be at work there, too: none of the errors with all names is larger than
-noise gives to one in 1 of CHANCE_ONE_IN such halves.
+certain. And no hand may be at work there, too: with all names, no error is so large that noise
+alone reaches it in fewer than 1 of CHANCE_ONE_IN such halves.
 """
 
 from collections.abc import Sequence

@@ -145,7 +145,7 @@ def _without_hands(
     decided: Callable[[Sequence[Signals]], tuple[Decision, tuple[str, ...]]],
 ) -> tuple[Decision, tuple[str, ...]]:
     """The decision on what no hand disturbed, where it counts (`hands`), and the reasons in words.
-    `decision`, `refuted`: of all; `decided`: makes both of runs."""
+    `decision`, `refuted`: of all; `decided`: gives both for runs."""
     touches = hands.touches(decision)
     rest = hands.let_go(runs, touches) if touches is not None else []
     if touches is None or not rest:

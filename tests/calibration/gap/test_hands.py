@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from calibration.gap import hands, investigate
+from calibration.gap.held_out import Prediction
 from calibration.gap.name.stepwise import Accepted
 from calibration.gap.unnamed.term import UnnamedTerm
 from rig.log import Log
@@ -106,6 +107,34 @@ def test_a_name_is_certain_where_the_whole_tells_it_or_the_half_farthest_from_th
     assert hands.agreed(none, whole, pushes([(1.0, 2.0)])) == (none, ())
     monkeypatch.setattr(hands, "_holds_far_away", lambda *_: True)
     assert hands.agreed(both, whole, pushes([(1.0, 2.0)])) == (both, ())
+
+
+@pytest.mark.parametrize(
+    ("gain", "largest", "holds"), [(0.5, 9.0, True), (0.0, 9.0, False), (0.5, 20.0, False)]
+)
+def test_far_from_the_hand_a_name_predicts_better_and_nothing_errs_more_than_noise(
+    gain: float, largest: float, holds: bool, monkeypatch: pytest.MonkeyPatch
+):
+    """Of 100 errors noise gives one beyond 4 deviations, or 16 of their squares, in 1 of 158."""
+
+    @dataclass(frozen=True)
+    class At:
+        evidence: Any
+        named: bool
+
+    errors = np.random.default_rng(2).normal(size=100)
+    squares = np.append(np.zeros(99), largest)
+    monkeypatch.setattr(hands, "far_away", lambda evidence, _: evidence)
+    monkeypatch.setattr(hands, "drop_effects", lambda at, _: At(at.evidence, named=False))
+    monkeypatch.setattr(hands, "model_of", lambda at: at)
+    monkeypatch.setattr(hands, "unexpected", lambda *_: squares)
+    monkeypatch.setattr(
+        hands,
+        "held_out",
+        lambda at, _: {"ball": Prediction(errors * (1.0 - gain * at.named), np.zeros(9))},
+    )
+    state: Any = At(None, named=True)
+    assert hands._holds_far_away(state, NEW, pushes([(1.0, 2.0)])) == holds
 
 
 @dataclass(frozen=True)
