@@ -281,7 +281,7 @@ def _make_room(figure: Figure, axis: Axes) -> None:
     low, high = scale.transform(axis.get_ylim())
     for text in axis.texts:
         value = scale.transform([text.get_position()[1]])[0]
-        share = 1.05 * text.get_window_extent().height / frame.height
+        share = 1.2 * text.get_window_extent().height / frame.height  # with a gap above; chosen
         high = max(high, low + (value - low) / (1.0 - share))
     axis.set_ylim(top=scale.inverted().transform([high])[0])
 
